@@ -52,6 +52,8 @@ QUICKLY_COMPILED = {
     "test_docs.py",
     "test_representations.py",
 }
+# Within `compiler`, those of methods and histories, which compare the two levels as well.
+QUICKLY_COMPILED_PARTS = ("compiler/steps/", "compiler/taylor/", "compiler/test_kernel")
 WAITING = ("system", "examples", "lab/page")  # whose tests start nodes, or share a browser, and wait for them
 LONG_TESTS = {
     "test_processes_with_other_hashes_and_linear_algebra_derive_and_compute_the_same",
@@ -136,8 +138,9 @@ def pytest_collection_finish():
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
     """Choose the level before the first fixture builds something."""
-    folder = item.path.relative_to(Path(__file__).parent).parts[0]
-    machine_code.LEVEL, machine_code.LONG = (0, math.inf) if folder in QUICKLY_COMPILED else (1, LONG)
+    place = item.path.relative_to(Path(__file__).parent)
+    is_quick = place.parts[0] in QUICKLY_COMPILED or place.as_posix().startswith(QUICKLY_COMPILED_PARTS)
+    machine_code.LEVEL, machine_code.LONG = (0, math.inf) if is_quick else (1, LONG)
 
 
 @pytest.fixture

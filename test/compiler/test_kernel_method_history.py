@@ -13,15 +13,12 @@ from mbd_sim.compiler.taylor.step import POSITION
 
 METHODS = ("adams11", "taylor")
 TAKEN = {"adams11": COUNT, "taylor": POSITION}  # where the number of steps is that belong to a history
-# A chain, a loop, a drive and a quaternion. With `adams11` some steps of slider_crank are divided; with `taylor` all but
-# the last two have loops over the order, and the longer steps are divided into several expansions.
+# A loop, a drive and a quaternion. With `adams11` some steps of slider_crank are divided; with `taylor` all but disk_weight
+# and simple_pendulum have loops over the order, and the longer steps are divided into several expansions.
 RUNS = [
-    *(("adams11", name, 1e-3) for name in ("double_rod", "four_bar", "moving_support_pendulum", "heavy_top")),
-    ("adams11", "slider_crank", 1e-3),
-    *(("taylor", name, 1e-3) for name in ("double_rod", "four_bar", "moving_support_pendulum", "heavy_top")),
-    *(("taylor", name, step) for name in ("disk_weight", "simple_pendulum") for step in (1e-3, 0.07)),
-    ("taylor", "double_rod", 0.07),
-    ("taylor", "four_bar", 0.07),
+    *(("adams11", name, 1e-3) for name in ("moving_support_pendulum", "heavy_top", "slider_crank")),
+    *(("taylor", name, 1e-3) for name in ("moving_support_pendulum", "heavy_top")),
+    *(("taylor", name, 0.07) for name in ("disk_weight", "simple_pendulum", "four_bar")),
 ]
 
 
@@ -46,8 +43,10 @@ def test_steps_may_be_divided_in_any_way(method, name, step):
         assert at_once.error_estimate == singly.error_estimate == divided.error_estimate < 1e-14
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("change", ["effort", "wrench", "live", "state", "time", "reset"])
+@pytest.mark.parametrize(
+    ("method", "change"),
+    [(METHODS[i % 2], change) for i, change in enumerate(("effort", "wrench", "live", "state", "time", "reset"))],
+)
 def test_any_change_begins_a_new_history(method, change):
     wrenches, live = ["rod"] if change == "wrench" else (), ["gravity[2]"] if change == "live" else ()
     run = Simulation.from_file("rod_pendulum", method=method, wrenches=wrenches, live=live)
@@ -104,7 +103,7 @@ forces: {law: {type: effort, coordinate: pin, effort: "sqrt(t_end - t)"}}
 
 @pytest.mark.parametrize(
     ("method", "name"),
-    [*((method, "four_bar") for method in METHODS), ("adams11", "slider_crank")],
+    [("taylor", "four_bar"), ("adams11", "slider_crank")],
 )
 def test_members_of_an_ensemble_take_the_same_steps(method, name):
     ensemble, single = Ensemble.from_file(name, 3, method=method), Simulation.from_file(name, method=method)

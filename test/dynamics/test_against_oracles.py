@@ -24,6 +24,7 @@ from test.generators.mechanisms import (
     COLLARS,
     DISK,
     FLOATING,
+    KINDS,
     PROJECTILE,
     SHIPPED,
     TRIPLE_ROD,
@@ -37,9 +38,9 @@ ROUND_OFF = 1e-13
 ILL_CONDITIONED = 1e4  # condition of the constraints above which an error of 1e-10 is out of reach
 
 
-def check(mechanism, rng, states=1, t=0.7):
-    """Compare the three derivations; returns whether that was possible at this time."""
-    derived, lagrange = derive(mechanism), lagrange_equations(mechanism)
+def check(mechanism, rng, states=1, t=0.7, by_energies=True):
+    """Compare the three derivations, or two; returns whether that was possible at this time."""
+    derived, lagrange = derive(mechanism), lagrange_equations(mechanism) if by_energies else None
     for _ in range(states):
         state = random_state(mechanism, rng)
         if derived.rows and (state := state_near_start(mechanism, derived, rng, t)) is None:
@@ -50,8 +51,9 @@ def check(mechanism, rng, states=1, t=0.7):
             return False
         found = [value.item() for value in map(np.array, derived.energies(t, np.concatenate([q, u, np.zeros(3)])).nz)]
         assert found == pytest.approx([oracle.kinetic, oracle.potential], rel=1e-12, abs=1e-11)
-        *kinetic, potential = [float(value) for value in lagrange.energies(t, q, u)]
-        assert [sum(kinetic), potential] == pytest.approx(found, rel=1e-12, abs=1e-11)
+        if lagrange:
+            *kinetic, potential = [float(value) for value in lagrange.energies(t, q, u)]
+            assert [sum(kinetic), potential] == pytest.approx(found, rel=1e-12, abs=1e-11)
         if len(u) == 0:
             continue
         exact = oracle.accelerations
@@ -59,14 +61,15 @@ def check(mechanism, rng, states=1, t=0.7):
         largest = max(np.linalg.norm(oracle.scale * exact), 1.0)
         allowed = min(1e-10, ROUND_OFF * oracle.condition * oracle.constraint_condition) * largest
         assert np.linalg.norm(oracle.scale * (accelerations(derived, q, u, efforts, t) - exact)) <= allowed
-        assert np.linalg.norm(oracle.scale * (lagrange.accelerations(q, u, efforts, t) - exact)) <= allowed
+        if lagrange:
+            assert np.linalg.norm(oracle.scale * (lagrange.accelerations(q, u, efforts, t) - exact)) <= allowed
         assert np.max(np.abs(oracle.errors), initial=0.0) <= 1e-12 * oracle.condition
     return True
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_mechanisms(name):
-    assert check(load_mechanism(name), np.random.default_rng(1), states=4)
+    assert check(load_mechanism(name), np.random.default_rng(1), states=2, by_energies=name in KINDS)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +79,7 @@ def test_textbook_mechanisms(text):
     assert check(parse_mechanism(text), np.random.default_rng(2), states=5)
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(random_trees())
 def test_random_trees(drawn):
     text, rng = drawn

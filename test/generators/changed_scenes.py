@@ -9,7 +9,6 @@ import numpy as np
 from mbd_sim.base.geometry import rotation as rot
 
 GRAVITY = [0.0, 0.0, -9.81]
-CYCLE = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # x to y, y to z, z to x
 
 
 def random_turn(rng: np.random.Generator) -> np.ndarray:
@@ -81,35 +80,6 @@ def welded(data: dict) -> dict:
         data["parts"][f"{name}_mass"] = carrier
         data["joints"][f"{name}_weld"] = {"type": "fixed", "between": [name, f"{name}_mass"]}
     return data
-
-
-def mirrored(data: dict) -> dict:
-    """A plane scene of falling bodies seen from behind: x and angles have the opposite sign."""
-    data = copy.deepcopy(data)
-    for part in data["parts"].values():
-        part["shape"] = _mirrored_shape(part["shape"])
-    for joint in data["joints"].values():
-        for key in ("position", "velocity"):
-            if key in joint:
-                joint[key] = [-joint[key][0], joint[key][1], -joint[key][2]]
-    return data
-
-
-def _mirrored_shape(shape: dict) -> dict:
-    if shape["type"] == "hull":
-        return shape | {"points": [[-x, y, z] for x, y, z in shape["points"]]}
-    if shape["type"] == "rod":
-        return shape | {key: [-shape[key][0], *shape[key][1:]] for key in ("from", "to")}
-    if shape["type"] == "outline":
-        return shape | {"points": [_mirrored_stroke(stroke) for stroke in shape["points"]]}
-    return shape
-
-
-def _mirrored_stroke(stroke: list | dict) -> list | dict:
-    if isinstance(stroke, list):
-        return [-stroke[0], stroke[1]]
-    found = stroke | {key: _mirrored_stroke(stroke[key]) for key in ("to", "through", "center") if key in stroke}
-    return found | ({"radius": -stroke["radius"]} if "radius" in stroke else {})
 
 
 def _frame(at: np.ndarray, turn: np.ndarray) -> dict:

@@ -29,7 +29,7 @@ def with_same_mechanisms(test):
 
     The seed gives twice as many constraints as most others, of all types.
     """
-    return settings(max_examples=8)(seed(3)(test))
+    return settings(max_examples=5)(seed(3)(test))
 
 
 def state_near_start(mechanism, derived, rng, t, distance=0.3):

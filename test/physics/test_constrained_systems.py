@@ -221,7 +221,7 @@ REACH = {"slider_crank": 0.5, "four_bar": 0.7, "scissor_lift": 0.2, "swinging_at
 def test_accelerations(name):
     derived_, rng, worst = equations(name), np.random.default_rng(70), 0.0
     parameters = load_mechanism(name).parameters
-    for _ in range(30):
+    for _ in range(10):
         t = rng.uniform(0.0, 3.0) if name == "scissor_lift" else 0.0
         q, u, efforts = consistent_state(derived_, rng, t, REACH.get(name, 1.0))
         expected = CLOSED_FORMS[name](parameters, t, q, u, efforts)
@@ -234,10 +234,10 @@ LOOPED = sorted(path.stem for path in shipped().values() if path.parent.name in 
 
 @pytest.mark.parametrize("name", LOOPED)
 def test_energy_audit_and_constraints(name):
-    """Over ten seconds; scripts/systems_table runs for a minute or longer."""
+    """Over five seconds; scripts/systems_table runs for a minute or longer."""
     sim, derived_ = Simulation.from_file(name), equations(name)
     largest = worst = 0.0
-    while sim.time < 10.0:
+    while sim.time < 5.0:
         sim.step(100)
         largest = max(largest, *(abs(energy) for energy in sim.energies[:5]))
         worst = max(worst, violation(sim, derived_))

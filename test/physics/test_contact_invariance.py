@@ -1,4 +1,4 @@
-"""Bodies in contact move alike in any world, frames and order, split and mirrored, until chaos amplifies round-off.
+"""Bodies in contact move alike in any world, frames and order and split, until chaos amplifies round-off.
 
 How fast a scene amplifies differences is measured with a start that differs by `NEARBY`: descriptions of one scene may
 differ by as much as starts that differ by `ROUND_OFF` would.
@@ -9,13 +9,10 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pytest
 
 from mbd_sim import Simulation
 from test.generators.body_scenes import PAIRS, scene, throw
 from test.generators.changed_scenes import (
-    CYCLE,
-    mirrored,
     other_frames,
     random_turn,
     reversed_order,
@@ -31,17 +28,17 @@ SHIFT = np.array([0.3, -0.2, 0.5])
 
 
 def simulation(data):
-    return Simulation.from_text(json.dumps(data))
+    return Simulation.from_text(json.dumps(data), method="tsitouras8")
 
 
-def events_while_equal(data, changed, seed, signs=1.0):
+def events_while_equal(data, changed, seed):
     """How many events a scene has while it is compared with the same one described otherwise; they must move alike."""
     first, other = simulation(data), simulation(changed)
     nearby = first.copy()
     throw(first, np.random.default_rng(seed))
     q, u, rng = first.q.copy(), first.u.copy(), np.random.default_rng([seed, 1])
     nearby.reset(q + NEARBY * rng.normal(size=q.size), u + NEARBY * rng.normal(size=u.size), nearest_speeds=True)
-    other.reset(q * signs, u * signs, nearest_speeds=True)
+    other.reset(q, u, nearest_speeds=True)
     grown, counted = 1.0, 0
     for _ in range(SAMPLES):
         for each in (first, nearby, other):
@@ -49,42 +46,27 @@ def events_while_equal(data, changed, seed, signs=1.0):
         grown = max(grown, difference(first, nearby) / NEARBY)
         if grown * NEARBY > CHAOS or first.contact_event_count > MOST:
             break
-        assert difference(first, other, signs) < ROUND_OFF * grown
+        assert difference(first, other) < ROUND_OFF * grown
         counted = first.contact_event_count
     return counted
 
 
-def difference(one, other, signs=1.0):
-    return max(np.abs(one.q * signs - other.q).max(), np.abs(one.u * signs - other.u).max())
-
-
-def in_another_plane(data, rng):
-    """In other frames and another order, with parts split in two, with the axes and the origin exchanged."""
-    return turned_world(welded(other_frames(reversed_order(data), rng)), CYCLE, SHIFT)
+def difference(one, other):
+    return max(np.abs(one.q - other.q).max(), np.abs(one.u - other.u).max())
 
 
 def turned(data, rng):
-    """Likewise, in axes along which nothing lies."""
+    """In other frames and another order, with parts split in two, in axes along which nothing lies."""
     return turned_world(welded(other_frames(reversed_order(data), rng)), random_turn(rng), SHIFT)
 
 
-@pytest.mark.parametrize(("kind", "change"), [("plane_loop", in_another_plane), ("plane_loop", turned)])
-def test_a_scene_in_a_plane(kind, change):
-    """Prisms in the plane xz, in another, and, in a turned world, with the rows and the narrow phase of space."""
-    data = json.loads(scene(0, kind))
-    assert events_while_equal(data, change(data, np.random.default_rng(0)), 0) > 3
+def test_a_scene_in_a_plane():
+    """Prisms in the plane xz, and, in a turned world, with the rows and the narrow phase of space."""
+    data = json.loads(scene(0, "plane_loop"))
+    assert events_while_equal(data, turned(data, np.random.default_rng(0)), 0) > 3
 
 
-def test_a_scene_of_outlines_seen_from_behind():
-    """Arcs, rounded corners and chains of the other direction; and in another order, with outlines split in two."""
-    data = json.loads(scene(0, "plane_outlines"))
-    changed = welded(reversed_order(mirrored(data)))
-    signs = np.tile([-1.0, 1.0, -1.0], len(data["joints"]))
-    assert events_while_equal(data, changed, 0, signs) > 1
-
-
-@pytest.mark.parametrize("pair", [("bar", "block"), ("ellipsoid", "hull")])
-def test_two_bodies_in_space(pair):
-    seed = PAIRS.index(pair) + len(PAIRS)
+def test_two_bodies_in_space():
+    seed = PAIRS.index(("ellipsoid", "hull")) + len(PAIRS)
     data = json.loads(scene(seed, "space_pair"))
     assert events_while_equal(data, turned(data, np.random.default_rng(seed)), seed) > 0

@@ -67,13 +67,15 @@ def test_a_disc_brake_stops_its_load_as_computed_and_holds_it():
     assert sim.u[1] - before == pytest.approx(0.1 * accelerated, abs=1e-11)
 
 
-@pytest.mark.parametrize(("factor", "state"), [(1.0 - 1e-6, "sticks"), (1.0 + 1e-6, "slides")])
-def test_a_disc_brake_at_rest_holds_up_to_its_static_moment(factor, state):
+def test_a_disc_brake_at_rest_holds_up_to_its_static_moment():
     most = 2.0 * 0.5 * 500.0 * 0.15 / (0.1 * G)
-    sim = Simulation.from_file("disc_brake", set={"m": factor * most, "start": -1.0})
-    sim.run(until=0.1)
-    assert sim.contacts()["lining"].state == state
-    assert (abs(sim.u[1]) < 1e-25) == (state == "sticks")
+    sim = Simulation.from_file("disc_brake", set={"m": most, "start": -1.0}, live=["m"])
+    for factor, state in ((1.0 - 1e-6, "sticks"), (1.0 + 1e-6, "slides")):
+        sim.reset()
+        sim.set_live({"m": factor * most})
+        sim.run(until=0.1)
+        assert sim.contacts()["lining"].state == state
+        assert (abs(sim.u[1]) < 1e-25) == (state == "sticks")
 
 
 def test_the_capacity_of_a_brake_can_be_a_live_value():
@@ -137,10 +139,10 @@ def wheel_of_the_geneva_drive(time):
 
 
 def test_a_geneva_drive_turns_its_wheel_by_a_quarter_in_each_turn():
-    sim = Simulation.from_file("geneva_drive")
+    sim = Simulation.from_file("geneva_drive", method="tsitouras8")
     play = 2e-5 / (0.04 * (math.sqrt(2.0) - 1.0))  # of the pin where it is nearest to the wheel's axis
     largest = 0.0
-    while sim.time < 2.0 - 1e-9:
+    while sim.time < 1.0 - 1e-9:
         sim.step(10)
         largest = max(largest, abs(sim.q[0] - wheel_of_the_geneva_drive(sim.time)))
     assert 0.5 * play < largest < 1.01 * play
@@ -150,7 +152,7 @@ def test_a_geneva_drive_turns_its_wheel_by_a_quarter_in_each_turn():
 
 def test_the_locking_disc_of_a_geneva_drive_holds_its_wheel():
     """A moment on the wheel turns it only by the play of its horns."""
-    sim = Simulation.from_file("geneva_drive")
+    sim = Simulation.from_file("geneva_drive", method="tsitouras8")
     sim.set_efforts({"wheel": 1.0})
     sim.run(until=0.2)
     lever = 0.04 * (math.sqrt(0.5) * 0.7 - math.sqrt(0.5) * math.sqrt(0.7505**2 - 0.7**2)) / 0.7505 * math.sqrt(2.0)
@@ -209,11 +211,11 @@ def foot_of_jansens_leg(crank):
 
 
 def test_a_walking_jansen_linkage():
-    sim = Simulation.from_file("jansen_walker")
+    sim = Simulation.from_file("jansen_walker", method="tsitouras8")
     standing = dict[str, np.ndarray]()
     sim.run(until=1.0)
     begin = sim.q[0]
-    while sim.time < 3.0 - 1e-9:
+    while sim.time < 2.0 - 1e-9:
         sim.step(20)
         body = sim.q[0] + 1j * sim.q[1]
         crank = sim.drives()["crank"].position
@@ -229,13 +231,13 @@ def test_a_walking_jansen_linkage():
             if state.state == "sticks" and name in standing:
                 assert np.max(np.abs(state.point - standing[name])) < 1e-13
         standing = {name: state.point for name, state in sim.contacts().items() if state.state == "sticks"}
-    assert 0.5 < abs(sim.q[0] - begin) < 1.5
+    assert 0.25 < abs(sim.q[0] - begin) < 0.75
     assert abs(sim.energies.residual) < 1e-11
     assert sim.losses.impact > 0.0
 
 
 def test_the_feet_of_a_jansen_linkage_carry_its_rate_of_momentum():
-    sim = Simulation.from_file("jansen_walker")
+    sim = Simulation.from_file("jansen_walker", method="tsitouras8")
     parts = sim.mechanism.parts
     mass = sim.mechanism.mass
 

@@ -80,7 +80,7 @@ def rod(name, a, w):
     return sim
 
 
-@pytest.mark.parametrize("name", RODS)
+@pytest.mark.parametrize("name", [name for name in RODS if name != "revolute"])
 def test_rod_pendulum_in_other_coordinates(name):
     expected, found = rod("revolute", 1.2, 0.7), rod(name, 1.2, 0.7)
     for _ in range(4):
@@ -104,8 +104,7 @@ parts:
     points: {eye: {at: [0.1, -0.2, 0.3], rotate: {axis: [1, 2, 0], angle: 0.4}}}}
 joints: {JOINTS}
 """
-JOINTS = {"revolute": ", axis: [1, 2, 2]", "cylindrical": ", axis: [1, 2, 2]", "spherical": ""}
-JOINTS["universal"] = ", axes: [[1, 0, 0], [0.2, 1, 0]]"
+JOINTS = {"cylindrical": ", axis: [1, 2, 2]", "universal": ", axes: [[1, 0, 0], [0.2, 1, 0]]"}
 
 
 def as_free(sim, part):
@@ -117,7 +116,7 @@ def as_free(sim, part):
 
 @pytest.mark.parametrize("kind", JOINTS)
 def test_a_body_on_a_joint_is_a_free_body_with_its_joint_cut(kind):
-    """The loop removes 2 to 5 of the 6 coordinates; the joint exerts the same force and moment on the body."""
+    """The loop removes 2 of the 6 coordinates, or 4; the joint exerts the same force and moment on the body."""
     joint = f"hold: {{type: {kind}, between: [ground, body.eye]{JOINTS[kind]}}}"
     flight = "flight: {type: free, between: [ground, body], guess: true}"
     tree = Simulation.from_text(BODY.replace("JOINTS", joint))

@@ -26,7 +26,7 @@ def test_quadratic_drag_slows_the_puck_as_one_over_t():
 
 @pytest.mark.parametrize(
     ("where", "exponent"),
-    [("joint", 1.0), ("joint", 1.5), ("line", 1.0), ("line", 3.0), ("velocity", 1.0), ("velocity", 2.0)],
+    [("joint", 1.0), ("joint", 1.5), ("line", 3.0), ("velocity", 2.0)],
 )
 def test_a_power_law_damper_slows_a_slider_down(exponent, where):
     """m v' = -C v^p: v^(1-p) = v0^(1-p) + (p - 1) C t / m, and an exponential for p = 1."""
@@ -46,8 +46,7 @@ def test_a_power_law_damper_slows_a_slider_down(exponent, where):
     assert sim.energies.dissipated == pytest.approx(0.81 - expected**2, rel=1e-12)
 
 
-@pytest.mark.parametrize("exponent", [0.0, 0.5, 2.0])
-@pytest.mark.parametrize("along", ["line", "velocity"])
+@pytest.mark.parametrize(("exponent", "along"), [(0.0, "line"), (0.5, "velocity"), (2.0, "velocity")])
 def test_a_damper_leaves_a_mass_at_rest_at_rest(exponent, along):
     sim = slider(
         "", f"d: {{type: damper, between: [ground.top, mass], coefficient: 3, exponent: {exponent}, along: {along}}}"
@@ -111,16 +110,16 @@ def rebound(damping, speed):
     return brentq(lambda v: g(-v) - g(speed), 0.0, min(1 / damping, speed) * (1 - 1e-15), xtol=1e-15)
 
 
-@pytest.mark.parametrize(("damping", "speed"), [(0.1, 2.0), (0.5, 2.0), (2.0, 3.0)])
-@pytest.mark.parametrize("side", [-1, 1])
-def test_a_mass_leaves_a_stop_with_the_speed_of_hunt_and_crossley(damping, speed, side):
+@pytest.mark.parametrize(
+    ("damping", "speed", "side", "stiffness"), [(0.1, 2.0, -1, 3000), (0.5, 2.0, 1, 3000), (2.0, 3.0, 1, 8000)]
+)
+def test_a_mass_leaves_a_stop_with_the_speed_of_hunt_and_crossley(damping, speed, side, stiffness):
     """For any mass and stiffness, and never faster than 1/c."""
     lower, upper = (-0.1, 9) if side < 0 else (-9, 0.1)
-    for stiffness in (3000, 8000):
-        limits = f"limits: {{lower: {lower}, upper: {upper}, stiffness: {stiffness}, damping: {damping}}}"
-        sim = slider(f"velocity: {side * speed}, {limits}", step=1e-5)
-        sim.run(until=0.25)
-        kink = stiffness * (speed * 1e-5) ** 2  # J: the error of a method if a force starts within a step
-        assert side * sim.q[0] < 0.1 and -side * sim.u[0] < 1 / damping
-        assert -side * sim.u[0] == pytest.approx(rebound(damping, speed), abs=kink)
-        assert sim.energies.dissipated == pytest.approx(speed**2 - sim.u[0] ** 2, abs=kink)
+    limits = f"limits: {{lower: {lower}, upper: {upper}, stiffness: {stiffness}, damping: {damping}}}"
+    sim = slider(f"velocity: {side * speed}, {limits}", step=1e-5)
+    sim.run(until=0.25)
+    kink = stiffness * (speed * 1e-5) ** 2  # J: the error of a method if a force starts within a step
+    assert side * sim.q[0] < 0.1 and -side * sim.u[0] < 1 / damping
+    assert -side * sim.u[0] == pytest.approx(rebound(damping, speed), abs=kink)
+    assert sim.energies.dissipated == pytest.approx(speed**2 - sim.u[0] ** 2, abs=kink)

@@ -72,7 +72,7 @@ constraints:
   blade: {{type: knife_edge, at: sledge, direction: [1, 0, 0], plane: base}}
 """
 
-FLOATING = {"four_bar": FOUR_BAR, "ring": RING, "plate": PLATE}
+FLOATING = {"ring": RING, "plate": PLATE}
 
 
 def center_of_mass(sim):
@@ -121,17 +121,9 @@ def test_momenta_of_a_floating_mechanism(name):
     assert max(sim.violation) < 1e-13
 
 
-def in_pieces(text):
-    """The floating four-bar with its coupler on another free joint, so that two pins are cut."""
-    own = "joints:\n  own: {type: free, between: [ground, coupler], position: [0.3, 0.5, 0.2], guess: true}\n"
-    thin = "shape: {type: rod, to: [1.4, 0, 0]}"  # which has no inertia about itself
-    return text.replace("joints:\n", own).replace(thin, "center: [0.7, 0, 0], inertia: [0.01, 0.2, 0.2]")
-
-
-@pytest.mark.parametrize("text", [FOUR_BAR, in_pieces(FOUR_BAR)], ids=["on_its_base", "in_pieces"])
-def test_a_plane_loop_may_tumble(text):
+def test_a_plane_loop_may_tumble():
     """The set of independent equations does not change as the plane of the loop rotates relative to ground."""
-    sim, rng = Simulation.from_text(text, step=5e-4), np.random.default_rng(1)
+    sim, rng = Simulation.from_text(FOUR_BAR, step=5e-4), np.random.default_rng(1)
     sim.reset(u=rng.uniform(-3.0, 3.0, len(sim.u)), nearest_speeds=True)
     (linear, angular), normal = momenta(sim), []
     for _ in range(60):

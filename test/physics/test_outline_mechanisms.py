@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.files.load import parse_mechanism
 
 
 def test_involute_teeth_keep_the_ratio_of_their_numbers_and_cross_their_play():
     simulation = Simulation.from_file("gear_teeth")
     r1, r2, play = 0.002 * 17, 0.002 * 23, 1e-4
     pitch_arcs = []
-    for _ in range(60):
-        simulation.step(10)
+    for _ in range(15):
+        simulation.step(40)
         if any(contact.state == "closed" for contact in simulation.contacts().values()):
             u1, u2 = simulation.u
             assert abs(u1 * 17 + u2 * 23) <= 1e-12 * max(abs(u1) * 17, 1.0)
             pitch_arcs.append(r1 * simulation.q[0] + r2 * (simulation.q[1] - math.pi - math.pi / 23))
-    forward, backward = np.array(pitch_arcs[:5]), np.array(pitch_arcs[-5:])
+    forward, backward = np.array(pitch_arcs[:2]), np.array(pitch_arcs[-2:])
     np.testing.assert_allclose(forward, 0.5 * play, rtol=1e-8)  # they start in the middle of the play
     np.testing.assert_allclose(backward, -0.5 * play, rtol=1e-8)
     assert simulation.energies.residual == pytest.approx(0.0, abs=1e-12)
@@ -112,14 +110,16 @@ def test_a_detent_rests_with_its_roller_in_the_middle_of_a_notch():
     assert sum(forces) * math.sin(slope) == pytest.approx(press, rel=1e-6)
 
 
-def cam_lock(friction):
-    text = (Path(__file__).parents[2] / "config" / "contacts" / "cam_lock.yaml").read_text()
-    return Simulation(parse_mechanism(text.replace("mu: 0.2", f"mu: {friction}")))
+@pytest.fixture(scope="module")
+def cam_lock():
+    return Simulation.from_file("cam_lock", live=["mu"])
 
 
-def test_a_cam_lock_holds_any_pull_with_a_force_in_proportion():
+def test_a_cam_lock_holds_any_pull_with_a_force_in_proportion(cam_lock):
     """On the lever, friction F and force N have the moment of its spring and weight: F h - N a + M = 0."""
-    simulation = cam_lock(0.2)
+    simulation = cam_lock
+    simulation.reset()
+    simulation.set_live({"mu": 0.2})
     arm, height = 0.004, 0.03
     simulation.run(until=0.05)  # the strip slides
     moment = (arm + 0.2 * height) * simulation.contacts()["clamp.lever_on_strip_1"].normal
@@ -133,9 +133,11 @@ def test_a_cam_lock_holds_any_pull_with_a_force_in_proportion():
     assert simulation.energies.residual == pytest.approx(0.0, abs=1e-15)
 
 
-def test_a_cam_lock_slips_below_the_angle_of_friction_at_a_force_in_closed_form():
+def test_a_cam_lock_slips_below_the_angle_of_friction_at_a_force_in_closed_form(cam_lock):
     """At tan a = μ this force N = M/(a - μ h) is infinite."""
-    simulation, friction, forces = cam_lock(0.1), 0.1, []
+    simulation, friction, forces = cam_lock, 0.1, []
+    simulation.reset()
+    simulation.set_live({"mu": friction})
     for time in (0.05, 0.25):
         simulation.run(until=time)
         forces.append(simulation.contacts()["clamp.lever_on_strip_1"].normal)

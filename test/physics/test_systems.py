@@ -217,7 +217,7 @@ CLOSED_FORMS = {
 def test_accelerations(name):
     """Up to round-off, which is larger where the closed form is near a singular configuration."""
     mechanism, rng = load_mechanism(name), np.random.default_rng(60)
-    for _ in range(40):
+    for _ in range(12):
         q, u, efforts = random_state(mechanism, rng, reach=2.5)
         t = rng.uniform(0.0, 20.0)
         expected = CLOSED_FORMS[name](mechanism.parameters, t, q, u, efforts)
@@ -291,11 +291,11 @@ def largest_energy(sim, seconds):
 
 
 @pytest.mark.parametrize("name", CLOSED_FORMS)
-def test_energy_audit_after_a_minute(name):
+def test_energy_audit_after_ten_seconds_to_round_off(name):
     sim = Simulation.from_file(name)
     if name == "disk_driven":
         sim.set_efforts([0.5])
-    largest = largest_energy(sim, 60.0)
+    largest = largest_energy(sim, 10.0)
     assert abs(sim.energies.residual) < 1e-11 * largest
     assert (sim.energies.work_drives != 0.0) == any(joint.drive for joint in sim.mechanism.joints.values())
 

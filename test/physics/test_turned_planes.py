@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
@@ -12,7 +11,7 @@ from mbd_sim.files.load import parse_mechanism
 TEXT = """
 mechanism: rolls
 gravity: {gravity}
-parts: {{wheel: {{shape: {{type: {shape}, mass: 1, radius: 0.1{axis}}}}}}}
+parts: {{wheel: {{shape: {{type: disc, mass: 1, radius: 0.1, axis: {across}}}}}}}
 joints:
   wheel:
     type: planar
@@ -26,20 +25,17 @@ contacts:
 """
 
 
-def motion(shape, axis, angle):
+def motion(axis, angle):
     turned = rot.about(rot.unit(axis), angle)
     vectors = {"gravity": (1, 0, -9.81), "across": (0, -1, 0), "along": (1, 0, 0), "normal": (0, 0, 1)}
     written = {name: (turned @ np.array(vector, dtype=float)).tolist() for name, vector in vectors.items()}
-    own = f", axis: {written['across']}" if shape == "disc" else ""
-    simulation = Simulation(parse_mechanism(TEXT.format(shape=shape, axis=own, **written)))
+    simulation = Simulation(parse_mechanism(TEXT.format(**written)))
     simulation.step(600)
     return np.concatenate([simulation.q, simulation.u])
 
 
-@pytest.mark.parametrize("shape", ["disc", "sphere"])
-def test_a_wheel_that_bounces_slides_and_rolls_moves_alike_in_all_axes(shape):
+def test_a_wheel_that_bounces_slides_and_rolls_moves_alike_in_all_axes():
     """With sticking friction across the plane the state became infinite."""
-    expected = motion(shape, (0, 0, 1), 0.0)
+    expected = motion((0, 0, 1), 0.0)
     assert abs(expected[3] + 0.1 * expected[5]) < 1e-12  # it rolls
-    for axis, angle in (((1, 0, 0), 0.5), ((1, 2, 3), 0.8))[shape == "sphere" :]:
-        np.testing.assert_allclose(motion(shape, axis, angle), expected, atol=1e-10)
+    np.testing.assert_allclose(motion((1, 2, 3), 0.8), expected, atol=1e-10)

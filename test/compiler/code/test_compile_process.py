@@ -34,9 +34,15 @@ def host():
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
-def test_code_compiled_with_the_options_for_long_code_has_the_same_bits():
-    text, given, results = swapping_module(), np.array([0.1, 3.0, -0.7, 40.0]), []
-    codes = [object_code(text, *host(), 1), compile_apart(text, *host(), 1)]
+@pytest.fixture(scope="module")
+def apart():
+    """The code of the module, compiled by a process."""
+    return compile_apart(swapping_module(), *host(), 1)
+
+
+def test_code_compiled_with_the_options_for_long_code_has_the_same_bits(apart):
+    given, results = np.array([0.1, 3.0, -0.7, 40.0]), []
+    codes = [object_code(swapping_module(), *host(), 1), apart]
     assert codes[0] != codes[1]  # neighbors are stored together only without the options
     for key, code in zip(("short", "long"), codes, strict=True):
         loaded, out = machine_code.linked(key, code), np.empty(10)
@@ -89,13 +95,9 @@ def waiting(host):
     holder.wait()
 
 
-def test_paths_that_are_no_texts_are_left_out_as_imports_do(monkeypatch):
-    monkeypatch.setattr(sys, "path", [Path("/does/not/exist"), *sys.path])
-    assert compile_apart(swapping_module(), *host(), 1) is not None
-
-
 def test_progress_is_logged(monkeypatch, caplog):
     monkeypatch.setattr(compile_process, "REPORT_PERIOD", 0.001)
+    monkeypatch.setattr(sys, "path", [Path("/does/not/exist"), *sys.path])  # no text: left out, as imports do
     with caplog.at_level("INFO", logger=compile_process.__name__):
         assert compile_apart(swapping_module() + "; more than a pipe holds\n" * 10_000, *host(), 1) is not None
     messages = [record.message for record in caplog.records]
@@ -104,9 +106,9 @@ def test_progress_is_logged(monkeypatch, caplog):
     assert messages[-1].startswith("compiled in ")
 
 
-def test_without_the_process_long_code_is_compiled_in_the_same_way(monkeypatch):
+def test_without_the_process_long_code_is_compiled_in_the_same_way(apart, monkeypatch):
     text = swapping_module()
-    short, apart = object_code(text, *host(), 1), compile_apart(text, *host(), 1)
+    short = object_code(text, *host(), 1)
     monkeypatch.setattr(machine_code, "LEVEL", 1)
     monkeypatch.setattr(machine_code, "LONG", 0)
     monkeypatch.setattr(sys, "executable", "/does/not/exist")

@@ -33,7 +33,7 @@ from mbd_sim.integrators.methods import METHODS
 from test.generators.legged_robots import legged
 from test.generators.mechanisms import random_trees
 
-LIKE = ("three_cranks", "driveline", "spring_chain", "tube_particles")
+LIKE = ("three_cranks", "tube_particles")
 
 
 def both(program, likes, sizes, arguments):
@@ -75,7 +75,7 @@ def test_rates_of_shipped_mechanisms(name):
     assert single == packed
 
 
-@settings(max_examples=3, phases=[Phase.generate])
+@settings(max_examples=2, phases=[Phase.generate])
 @given(random_trees(most=3, fewest=2))
 def test_rates_of_random_trees(tree):
     text, _ = tree
@@ -84,7 +84,7 @@ def test_rates_of_random_trees(tree):
 
 
 def test_steps_of_legs():
-    equations = derive(parse_mechanism(legged()))
+    equations = derive(parse_mechanism(legged(2, mirrored=True)))
     states, keys = [], set()
     for likes in ((), equations.like_branches):
         kernel = compile_kernel(equations.rates, equations.project, {}, METHODS["rk4"], like_branches=likes)

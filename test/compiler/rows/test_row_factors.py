@@ -40,7 +40,7 @@ def matrix_of(factor, numbers):
     return found
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_products_have_the_entries_that_are_needed(seed):
     """Those of rows that are active, closed or have a given force; of sliding friction the diagonal without friction."""
     chance = np.random.default_rng(seed)

@@ -31,8 +31,7 @@ def shared(matrix, weights, right, basis):
     return arrays[-1]
 
 
-@pytest.mark.parametrize("smallest", [1.0, 1e-6])
-@pytest.mark.parametrize(("count", "rank"), [(2, 1), (4, 3), (6, 5), (6, 2), (7, 3)])
+@pytest.mark.parametrize(("count", "rank", "smallest"), [(2, 1, 1.0), (6, 5, 1e-6), (6, 2, 1.0), (7, 3, 1e-6)])
 def test_rows_that_share_have_the_least_weighted_sum_of_squares(count, rank, smallest):
     """Of all x with A x = r; also with weights over six decades, and where A has small entries beside large ones."""
     chance = np.random.default_rng(count + rank)
@@ -68,7 +67,7 @@ def solved(matrix, weights, right, given):
     return arrays[-1]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_forces_that_share_add_to_given_ones(seed):
     """Of all x with A x = r those of least Σ w (x - ρ)²; where no row depends on others, ρ changes nothing."""
     chance = np.random.default_rng(seed)

@@ -11,6 +11,7 @@ import pytest
 
 from mbd_sim import DivergedError, Ensemble, Simulation
 from mbd_sim.compiler import kernel as kernel_module
+from mbd_sim.compiler.code import machine_code
 from mbd_sim.compiler.steps.adams_history import COUNT
 from mbd_sim.integrators.explicit import EXPLICIT, adams
 from mbd_sim.integrators.methods import METHODS
@@ -53,20 +54,21 @@ def test_a_gap_that_stays_positive_within_a_step_does_not_close():
 
 @pytest.mark.parametrize("method", ["rk4", "adams11"])
 def test_arrays_in_registers_or_in_memory_give_the_same_bits(monkeypatch, own_builds, method):
-    """With events, and with single steps as well as many in a call."""
+    """With events, optimized or not, and with single steps as well as many in a call."""
     found = []
-    for few, each in ((0, 1), (10**9, 1), (10**9, 50)):
+    for few, level, each in ((0, 1, 1), (10**9, 0, 50)):
         monkeypatch.setattr(kernel_module, "FEW", few)
+        monkeypatch.setattr(machine_code, "LEVEL", level)
         sim = Simulation.from_file("stops", method=method)
         for _ in range(600 // each):
             sim.step(each)
         assert {event.name for event in sim.contact_events} == {"slide.lower_limit", "slide.upper_limit"}
         found.append((sim.state.tobytes(), sim.error_estimate, sim.contact_events))
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]
 
 
-# With events in free flight; a loop whose friction depends on its loads; and slip that ends.
-WITH_EVENTS = ["elbow_stop", "slider_crank_friction", "bowling"]
+# With events in free flight, and slip that ends.
+WITH_EVENTS = ["elbow_stop", "bowling"]
 
 
 @pytest.mark.parametrize("name", WITH_EVENTS)
@@ -144,7 +146,7 @@ def test_the_order_between_events(monkeypatch):
         assert sim.contact_events == ()
         return sim.state
 
-    exact = state("dop853", step / 20.0)
+    exact = state("dop853", step / 10.0)
     coarse, fine = (np.max(np.abs(state("free", step / n) - exact)) for n in (1, 2))
     assert fine > 1e-13
     assert coarse / fine > 2.0 ** (method.order - 0.6)

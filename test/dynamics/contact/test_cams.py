@@ -10,6 +10,7 @@ import pytest
 from mbd_sim import Ensemble, Simulation
 from mbd_sim.base.errors import CommandError, MechanismError
 from mbd_sim.dynamics.contact.cams import profile_fault
+from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.mechanism.values.expression import TimeExpression
 
@@ -24,15 +25,19 @@ parts:
   follower: {shape: {type: cylinder, mass: 0.3, radius: RADIUS, length: 0.01, axis: [0, 1, 0]}}
 joints:
   cam: {type: revolute, between: [ground.cam, cam], axis: [0, 0, 1], drive: 20*t}
-  follower: {type: prismatic, between: [ground, follower], axis: [0, 0, 1], position: 0.0515, stiffness: 300, rest: 0}
+  follower: {type: prismatic, between: [ground, follower], axis: [0, 0, 1], position: 0.0535, stiffness: 300, rest: 0}
 contacts:
-  lift: {parts: [follower], cam: cam, profile: 0.04 + depth*cos(5*angle), restitution: 0.5, friction: FRICTION}
+  lift: {parts: [follower], cam: cam, profile: 0.04 + depth*cos(5*angle), restitution: 0.5, friction: 0.3}
 """
 
 
-def lobes(radius=0.001, friction=0.0, **options):
-    text = MECHANISM.replace("RADIUS", str(radius)).replace("FRICTION", str(friction))
-    return Simulation.from_text(text, **options)
+def lobes(radius):
+    return parse_mechanism(MECHANISM.replace("RADIUS", str(radius)))
+
+
+@pytest.fixture(scope="module")
+def simulation():
+    return Simulation(lobes(0.003), live=["parameters.depth"], method="tsitouras8")
 
 
 def fault(text, roller):
@@ -62,12 +67,9 @@ def test_profiles_that_cannot_be_followed_are_refused(text, roller, words):
 @pytest.mark.parametrize(
     ("text", "roller"),
     [
-        (LOBES, 0.0),
         (LOBES, 0.003),
         ("0.04 + 0.01*cos(2*angle)", 0.08),
         ("0.04 + 0.002*cos(2*angle)", None),
-        ("0.04 + 0.01*tanh(5*cos(angle))", 0.002),
-        ("0.1", None),
     ],
 )
 def test_profiles_that_can_be_followed_are_not(text, roller):
@@ -76,11 +78,10 @@ def test_profiles_that_can_be_followed_are_not(text, roller):
 
 def test_the_error_names_the_cam_its_roller_and_the_line():
     with pytest.raises(MechanismError, match=r":12: contacts\.lift\.profile: 'follower' and 'cam': the profile has a"):
-        lobes(0.005)
+        derive(lobes(0.005))
 
 
-def test_a_live_value_that_makes_a_cam_too_concave_is_refused():
-    simulation = lobes(0.003, live=["parameters.depth"])
+def test_a_live_value_that_makes_a_cam_too_concave_is_refused(simulation):
     simulation.set_live({"parameters.depth": 0.009})
     with pytest.raises(CommandError, match="concave radius of curvature"):
         simulation.set_live({"parameters.depth": 0.02})
@@ -88,20 +89,21 @@ def test_a_live_value_that_makes_a_cam_too_concave_is_refused():
 
 
 def test_a_member_of_an_ensemble_with_a_cam_that_is_too_concave_is_refused():
-    text = MECHANISM.replace("RADIUS", "0.003").replace("FRICTION", "0")
     with pytest.raises(MechanismError, match=r"member 1.*concave radius of curvature"):
-        Ensemble(parse_mechanism(text), [{"parameters.depth": 0.009}, {"parameters.depth": 0.02}])
+        Ensemble(lobes(0.003), [{"parameters.depth": 0.009}, {"parameters.depth": 0.02}])
 
 
-def test_a_roller_hops_on_a_lobed_cam_with_the_right_gaps_and_energies():
-    simulation = lobes(friction=0.3)
+def test_a_roller_hops_on_a_lobed_cam_with_the_right_gaps_and_energies(simulation):
+    assert simulation.remarks == ()
+    simulation.set_live({"parameters.depth": 0.01})
+    simulation.reset()
     angles = np.linspace(0.0, 2.0 * np.pi, 20_001)
     radii = 0.04 + 0.01 * np.cos(5.0 * angles)
-    for _ in range(100):
-        simulation.step(3)
+    for _ in range(50):
+        simulation.step(6)
         polar = 0.5 * np.pi - 20.0 * simulation.time
         x, y = simulation.q[0] * np.cos(polar), simulation.q[0] * np.sin(polar)
-        nearest = np.min(np.hypot(radii * np.cos(angles) - x, radii * np.sin(angles) - y)) - 0.001
+        nearest = np.min(np.hypot(radii * np.cos(angles) - x, radii * np.sin(angles) - y)) - 0.003
         gap = simulation.contacts()["lift"].gap
         assert gap == pytest.approx(nearest, abs=1e-6 + 0.03 * nearest)
         assert gap > -1e-12

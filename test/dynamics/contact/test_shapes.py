@@ -35,7 +35,6 @@ BALL = "{type: sphere, radius: 0.3, at: [0.1, 0.2, 0.3], mass: 0}"
 DISC = "{type: disc, radius: 0.3, at: [0.1, 0.2, 0.3], axis: [1, 0, 2], mass: 0}"
 CYLINDER = "{type: cylinder, radius: 0.5, length: 1, at: [0.2, 0, 0.1], axis: [1, 2, 3], mass: 0}"
 SPHERE = "{type: sphere, radius: 0.5, at: [0.2, 0, 0.1], mass: 0}"
-BLOCK = "{type: block, size: [0.4, 0.6, 1], at: [0.1, 0.2, 0.3], rotate: {axis: [1, 1, 0], angle: 0.4}, mass: 0}"
 PROFILE = "0.4 + 0.05*cos(angle) + 0.02*sin(2*angle)"
 
 
@@ -64,7 +63,7 @@ def placed(pose, point):
     return pose.position + pose.rotation @ np.asarray(point)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_two_balls_are_as_far_apart_as_their_centers_less_the_radii(seed):
     simulation = pair("between: [a, b]")
     y, poses = random_state(simulation, seed)
@@ -72,7 +71,7 @@ def test_two_balls_are_as_far_apart_as_their_centers_less_the_radii(seed):
     assert gaps(simulation, y) == pytest.approx([np.linalg.norm(line) - 0.8], abs=1e-14)
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(15))
 def test_a_ball_is_as_far_from_a_cylinder_as_from_its_nearest_point(seed):
     """Beside it, beyond an end, and at an edge."""
     simulation = pair("between: [a, b]", b=CYLINDER)
@@ -92,49 +91,9 @@ def test_a_ball_is_as_far_from_a_cylinder_as_from_its_nearest_point(seed):
     assert distance == pytest.approx(np.linalg.norm(line - nearest) - 0.3, abs=1e-14)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_gap_of_a_disc_on_a_plane_is_that_of_its_lowest_point(seed):
-    simulation = pair("parts: [a], plane: b.p, normal: [0, 1, 1]", a=DISC, start="0, -90, 0")
-    y, poses = random_state(simulation, seed)
-    normal = (
-        poses["b"].rotation @ simulation.mechanism.parts["b"].points["p"].rotation @ [0, np.sqrt(0.5), np.sqrt(0.5)]
-    )
-    axis = poses["a"].rotation @ (np.array([1.0, 0.0, 2.0]) / np.sqrt(5.0))
-    across = np.linalg.svd(axis[None, :])[2][1:]
-    rim = placed(poses["a"], [0.1, 0.2, 0.3]) + 0.3 * (
-        np.cos(ANGLES)[:, None] * across[0] + np.sin(ANGLES)[:, None] * across[1]
-    )
-    lowest = np.min((rim - placed(poses["b"], [0.2, 0, 0.1])) @ normal)
-    assert gaps(simulation, y)[0] == pytest.approx(lowest, abs=1e-9)
-
-
-def test_a_block_touches_a_plane_with_its_corners():
-    simulation = pair("parts: [a], plane: b", a=BLOCK, start="0, 0, -9")
-    y, poses = random_state(simulation, 5)
-    shape = simulation.mechanism.parts["a"].shapes[0]
-    signs = np.array(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5])).T.reshape(-1, 3)
-    corners = [placed(poses["a"], placed(shape.pose, sign * shape.size)) for sign in signs]
-    heights = [(corner - poses["b"].position) @ poses["b"].rotation[:, 2] for corner in corners]
-    assert sorted(gaps(simulation, y)) == pytest.approx(sorted(heights), abs=1e-14)
-
-
 def cam_curve():
     radius = 0.4 + 0.05 * np.cos(ANGLES) + 0.02 * np.sin(2 * ANGLES)
     return np.column_stack([radius * np.cos(ANGLES), radius * np.sin(ANGLES), np.zeros_like(radius)])
-
-
-@pytest.mark.parametrize("distance", [0.6, 0.75, 1.5])
-@pytest.mark.parametrize("turn", np.linspace(0.1, 6.1, 5))
-def test_a_roller_is_as_far_from_a_cam_as_from_the_nearest_point_of_its_profile(distance, turn):
-    simulation = pair(f"parts: [a], cam: b.p, profile: {PROFILE}")
-    y, poses = random_state(simulation, 1)
-    frame = simulation.mechanism.parts["b"].points["p"]
-    origin, axes = placed(poses["b"], frame.position), poses["b"].rotation @ frame.rotation
-    center = origin + axes @ [distance * np.cos(turn), distance * np.sin(turn), 0.2]
-    first = simulation.model.layout.q["a"].start
-    y[first : first + 3] += center - placed(poses["a"], [0.1, 0.2, 0.3])
-    flat = (axes.T @ (center - origin)) * [1.0, 1.0, 0.0]
-    assert gaps(simulation, y) == pytest.approx([np.min(np.linalg.norm(cam_curve() - flat, axis=1)) - 0.3], abs=1e-8)
 
 
 @pytest.mark.parametrize("turn", [4.6])
@@ -220,8 +179,8 @@ def momenta(simulation):
 
 def test_a_slider_in_a_guide_with_play_stays_between_its_walls():
     simulation = Simulation.from_file("slider_crank_clearance")
-    for step in range(1, 1301):
-        simulation.step()
+    for step in range(5, 1301, 5):
+        simulation.step(5)
         read = gaps(simulation, simulation.y)
         assert read.min() > -1e-13, f"at step {step}"
     kinds = {event.name.split(".")[0] for event in simulation._memory.stepper.events}
@@ -234,9 +193,7 @@ def test_a_slider_in_a_guide_with_play_stays_between_its_walls():
 @pytest.mark.parametrize(
     ("law", "error"),
     [
-        ("restitution: 0.7", 1e-13),
         ("restitution: 0.7, friction: 0.3", 1e-13),
-        ("friction: 5", 1e-13),
         ("stiffness: 1e6, damping: 0.5, friction: 0.3", 1e-8),  # of the steps across the ends of the contact
     ],
 )
@@ -298,18 +255,9 @@ def test_in_newtons_cradle_the_last_ball_leaves_with_the_speed_of_the_first():
     assert abs(simulation.energies.residual) < 1e-12
 
 
-def test_touching_balls_share_the_impact_as_newtons_law_for_simultaneous_impacts_says():
-    simulation = Simulation.from_file("newtons_cradle", set={"gap": 0.0})
-    impacts_after(simulation, 0.3)
-    speeds = simulation.u / simulation.u[4]
-    assert speeds[1:] == pytest.approx(np.ones(4), abs=1e-2)
-    assert speeds[0] == pytest.approx(-1.5, abs=5e-2)  # -3/5 and 2/5 of the speed before; it has swung on since
-    assert abs(simulation.energies.residual) < 1e-12
-
-
 def test_a_follower_lifts_off_where_its_cam_would_have_to_pull():
     w, base, lift, roller, mass, k, preload = 140.0, 0.03, 0.005, 0.01, 0.3, 600.0, 15.0
-    simulation = Simulation.from_file("cam_lift_off")
+    simulation = Simulation.from_file("cam_lift_off", live=["w"], method="tsitouras8")
     simulation.run(0.05)
     opened, *_ = [event for event in simulation._memory.stepper.events if event.change is ContactChange.OPENED]
 
@@ -324,9 +272,10 @@ def test_a_follower_lifts_off_where_its_cam_would_have_to_pull():
 
     assert opened.time == pytest.approx(brentq(push, 1e-3, 0.011), abs=1e-7)
     assert abs(simulation.energies.residual) < 1e-11
-    slow = Simulation.from_file("cam_lift_off", set={"w": 100.0})
-    slow.run(0.5)
-    assert slow.q[0] == pytest.approx(
+    simulation.reset()
+    simulation.set_live({"w": 100.0})
+    simulation.run(0.5)
+    assert simulation.q[0] == pytest.approx(
         lift * np.sin(50.0) + np.sqrt((base + roller) ** 2 - (lift * np.cos(50.0)) ** 2), abs=1e-12
     )
 
@@ -381,7 +330,6 @@ def test_an_elastic_contact_lasts_as_long_as_hooke_and_hertz_say(exponent, error
 
 
 SOFT_PAIRS = {
-    "balls": ("between: [a, b]", BALL, SPHERE, 0.6),
     "ball on cylinder": ("between: [a, b]", BALL, CYLINDER, 0.5),
     "disc on plane": ("parts: [a], plane: b.p, normal: [0, 1, 1]", DISC, SPHERE, 0.1),
     "roller on cam": (f"parts: [a], cam: b.p, profile: {PROFILE}", BALL, SPHERE, 0.5),
@@ -427,10 +375,10 @@ def test_a_start_inside_an_obstacle_is_refused_with_both_names_and_the_depth():
     assert str(caught.value).startswith("<text>:8: contacts.floor: at the start 'ball' is 0.03 m inside 'ground'.")
 
 
-@pytest.mark.parametrize("name", ["elbow_stop", "rope", "bounce", "backlash"])
+@pytest.mark.parametrize("name", ["elbow_stop", "rope", "backlash"])
 def test_a_start_beyond_any_other_one_sided_element_is_refused_too(name):
-    change = {"elbow_stop": {"th2": 1.5}, "rope": {"joints.z.position": -1.2}, "bounce": {"h": -0.1}}
-    words = {"elbow_stop": "0.5 rad beyond its upper limit", "rope": "beyond the bound", "bounce": "0.1 m beyond"}
+    change = {"elbow_stop": {"th2": 1.5}, "rope": {"joints.z.position": -1.2}}
+    words = {"elbow_stop": "0.5 rad beyond its upper limit", "rope": "beyond the bound"}
     change["backlash"], words["backlash"] = {"joints.first.position": 0.2}, "play, upper end is 0.15"
     with pytest.raises(MechanismError, match=words[name]):
         Simulation.from_file(name, set=change[name])

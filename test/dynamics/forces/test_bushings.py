@@ -137,7 +137,7 @@ def test_springs_of_joints_are_bushings_between_their_frames():
     assert resting.q[:3] == pytest.approx([0.5, 0.0, 0.0], abs=1e-15) and resting.energies.potential == 0.0
 
 
-@pytest.mark.parametrize("method", ["rosenbrock", "gauss6", "rosenbrock_w", "dop853"])
+@pytest.mark.parametrize("method", ["rosenbrock", "gauss6"])
 def test_methods_agree(method):
     start, keys = (
         "position: [0.1, 0, 0], angular_velocity: [1, 2, 3]",
@@ -146,7 +146,7 @@ def test_methods_agree(method):
     reference = block(start, keys)
     other = block(start, keys, method=method)
     reference.run(until=0.5), other.run(until=0.5)
-    assert other.q == pytest.approx(reference.q, abs=1e-7 if method == "rosenbrock_w" else 1e-11)
+    assert other.q == pytest.approx(reference.q, abs=1e-11)
 
 
 def test_modes_and_live_stiffness():

@@ -40,7 +40,7 @@ def test_the_rest_of_the_integral_is_exact(name):
     rest = distant_potential(law(text))
     lower, upper = rest._lower, rest._upper
     assert rest(0.3) == rest(lower) == rest(upper) == 0.0
-    for x in (1.0001 * upper, 1.37 * lower, 777.7, -4321.0, 2876.5):
+    for x in (1.0001 * upper, 1.37 * lower, 777.7, -900.5):
         expected = exact(x) - exact(upper if x > 0 else lower)
         largest = abs(x) if name == "x sin x" else 20.0
         assert rest(x) == pytest.approx(expected, rel=0.0, abs=2e-14 * largest * abs(x))  # of the integral of |f|
@@ -71,9 +71,9 @@ def test_beyond_all_cells_and_where_the_force_is_undefined_the_energy_is_nan(mon
 
 
 def test_waves_that_are_too_fast_for_the_cells_give_nan_rather_than_a_wrong_energy():
-    assert np.isnan(distant_potential(law("sin(1e5*sqrt(2)*x)"))(30.3))
-    fast = distant_potential(law("sin(200*sqrt(2)*x)"))
-    assert fast(100.3) == pytest.approx((np.cos(4e3 * ROOT) - np.cos(200 * ROOT * 100.3)) / (200 * ROOT), abs=1e-13)
+    assert np.isnan(distant_potential(law("sin(1e5*sqrt(2)*x)", -1.0, 1.0))(1.5))
+    fast = distant_potential(law("sin(200*sqrt(2)*x)", -2.0, 2.0))
+    assert fast(3.3) == pytest.approx((np.cos(400 * ROOT) - np.cos(200 * ROOT * 3.3)) / (200 * ROOT), abs=1e-13)
 
 
 ENGINE = """
@@ -92,7 +92,7 @@ def engine(speed, force="20*sin(sqrt(2)*x) + 0.1*x*sin(x)", **options):
 @pytest.mark.parametrize("speed", [100, -100])
 def test_a_joint_keeps_its_account_over_many_turns(speed):
     sim = engine(speed)
-    for until in (0.1, 3.0, 8.0):
+    for until in (0.1, 5.5):
         sim.run(until=until)
         assert abs(sim.energies.residual) < 1e-9
     assert abs(sim.q[0]) > 500.0
@@ -102,7 +102,7 @@ def test_live_rest_positions_and_members_have_the_same_energies():
     live = engine(100, live=["joints.shaft.rest"])
     plain, members = engine(100), Ensemble(live.mechanism, [{}, {"joints.shaft.rest": 1.5}])
     for sim in (live, plain, members):
-        sim.run(until=5.0)
+        sim.run(until=3.0)
     assert live.energies == plain.energies
     assert members.energies.potential[0] == plain.energies.potential
     assert np.all(np.abs(members.energies.residual) < 1e-9)

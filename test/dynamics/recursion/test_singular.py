@@ -49,18 +49,17 @@ def rod(direction, mass=1.0, length=1.0):
     return {"mass": mass, "shape": {"type": "rod", "to": end}}
 
 
-@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("mass", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize(("size", "mass"), [(1e-6, 1.0), (1.0, 1e-9), (1e6, 1e6)])
 def test_a_rod_about_itself_is_refused_in_any_direction(mass, size):
     rng = np.random.default_rng(5)
-    for direction in (*np.eye(3), *rng.normal(size=(6, 3))):
+    for direction in (*np.eye(3), *rng.normal(size=(2, 3))):
         parts = {"rod": rod(direction, mass, size)}
         assert refused(chain(("spin", "revolute", "ground", "rod", direction), parts=parts)) == ["joints.spin"]
 
 
 def test_a_rod_about_itself_is_refused_in_rotated_frames():
     rng = np.random.default_rng(6)
-    for _ in range(20):
+    for _ in range(6):
         direction = rng.normal(size=3)
         rotate = {"axis": rng.normal(size=3).tolist(), "angle": float(rng.uniform(-3, 3))}
         text = json.loads(chain(("spin", "revolute", "ground", "rod.end", (1, 1, 1)), parts={"rod": rod(direction)}))
@@ -136,8 +135,7 @@ def test_two_joints_with_the_same_motion_are_refused():
             assert refused(chain(*joints, parts=parts)) == ["joints.first"]
 
 
-@pytest.mark.parametrize("scale", [1e-12, 1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("kind", ["revolute", "prismatic", "free"])
+@pytest.mark.parametrize(("kind", "scale"), [("revolute", 1e-12), ("prismatic", 1e6), ("free", 1e-6), ("free", 1.0)])
 def test_a_gram_on_a_thousand_tons_is_accepted(kind, scale):
     """Neither the units nor the inertia of inboard parts matter."""
     parts = {
@@ -274,7 +272,7 @@ joints:
     states = []
     for one in (text, distance):
         simulation = BaseSimulation(parse_mechanism(one))
-        simulation.run(until=1.0)
+        simulation.run(until=0.3)
         found = dict(zip(simulation.coordinate_names, simulation.q, strict=True))
         states.append([found["main"], found["rail"]])
     np.testing.assert_allclose(states[0], states[1], rtol=1e-12)

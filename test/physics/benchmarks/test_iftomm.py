@@ -15,8 +15,8 @@ from mbd_sim import Simulation
 from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.files.load import load_mechanism
-from test.generators.mechanisms import violation
+from mbd_sim.files.load import load_mechanism, parse_mechanism
+from test.generators.mechanisms import accelerations, violation
 
 G = 9.81
 SCRIPTS = Path(__file__).parents[3] / "scripts"
@@ -52,11 +52,6 @@ class TestA01:
             assert sim.q == pytest.approx([side, 0.0], abs=1e-11)
             assert sim.u == pytest.approx([0.0, 0.0], abs=1e-10)
 
-    def test_ten_seconds(self):
-        residual, off = run(Simulation.from_file("a01_simple_pendulum"), 10.0)
-        assert residual < 1e-13
-        assert off < 1e-14
-
 
 def rods(count, seconds):
     """θ and θ' from the horizontal: ((N + 1)/3 + N) θ'' + ((N + 1)/2 + N) g cos θ = 0, 1 rad/s toward +x upright."""
@@ -90,16 +85,17 @@ class TestA02:
         assert sim.u == pytest.approx(-rate * np.array([1, 1, 1, -1, -1]), abs=1e-7)
 
     def test_generated_file_is_the_shipped_one(self):
-        shipped, generated = Simulation.from_file("a02_four_bars"), Simulation.from_text(four_bars(2))
-        shipped.run(until=1.0)
-        generated.run(until=1.0)
-        assert generated.q[0] == pytest.approx(shipped.q[0], abs=1e-13)
+        shipped, generated = equations("a02_four_bars"), derive(parse_mechanism(four_bars(2)))
+        y, nothing = generated.start_state, np.zeros(generated.layout.nv)
+        assert y == pytest.approx(shipped.start_state, abs=1e-14)
+        rates = [np.array(each.rates.call([0.0, y, nothing])[0]).ravel() for each in (shipped, generated)]
+        assert rates[1] == pytest.approx(rates[0], abs=1e-12)
 
     def test_it_stays_a_row_of_parallelograms(self):
-        """It lies flat a hundred times and neither gains nor loses energy."""
+        """It lies flat thirty times and neither gains nor loses energy."""
         sim = Simulation.from_file("a02_four_bars")
-        residual, off = run(sim, 60.0)
-        assert sim.q[0] > 2.0 * np.pi * 25
+        residual, off = run(sim, 20.0)
+        assert sim.q[0] > 2.0 * np.pi * 8
         assert np.ptp(sim.q * [1, 1, 1, -1, -1]) < 1e-11
         assert residual < 1e-9
         assert off < 1e-11
@@ -119,17 +115,12 @@ class TestA02:
 
     def test_five(self):
         """11 rods and bars, whose rates cost in proportion to their number. (scripts/systems_table has N = 40.)"""
-        sim = Simulation.from_text(four_bars(5))
-        sim.run(until=5.0)
-        few, many = (
-            instruction_count(arranged(each.model.equations.rates))
-            for each in (Simulation.from_file("a02_four_bars"), sim)
-        )
+        found = derive(parse_mechanism(four_bars(5)))
+        few, many = (instruction_count(arranged(each.rates)) for each in (equations("a02_four_bars"), found))
         assert many < 3 * few
-        theta, rate = rods(5, 5.0)
-        assert sim.q == pytest.approx((np.pi / 2 - theta) * np.repeat([1.0, -1.0], [6, 5]), abs=1e-7)
-        assert sim.u == pytest.approx(-rate * np.repeat([1.0, -1.0], [6, 5]), abs=1e-7)
-        assert abs(sim.energies.residual) < 1e-9 * sim.energies.total
+        turned = np.repeat([1.0, -1.0], [6, 5])  # from upright; see `rods`
+        second = (6 / 2 + 5) * G * np.sin(0.5) / (6 / 3 + 5)
+        assert accelerations(found, 0.5 * turned, 0.7 * turned) == pytest.approx(second * turned, rel=1e-9)
 
 
 class TestA04:
@@ -139,11 +130,6 @@ class TestA04:
         derived = equations("a04_bricard")
         assert 6 * 5 - 5 * 6 == 0
         assert (derived.layout.nv, len(derived.rows), derived.start.rank) == (5, 5, 4)
-
-    def test_energy_and_constraints(self):
-        residual, off = run(Simulation.from_file("a04_bricard"), 20.0)
-        assert residual < 1e-13
-        assert off < 1e-13
 
     def test_joints_in_space(self):
         """All hinge points stay one meter apart and every hinge stays perpendicular to both of its bars."""

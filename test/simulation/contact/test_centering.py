@@ -27,11 +27,11 @@ def least_factor(rows, forces, limits):
     def power(motion):
         return -(load @ motion) / (limits @ np.linalg.norm((rows @ motion).reshape(-1, 2), axis=1))
 
-    starts = np.random.default_rng(0).normal(size=(20, 3))
+    starts = np.random.default_rng(0).normal(size=(8, 3))
     return -min(minimize(power, start, method="Nelder-Mead", options={"xatol": 1e-10}).fun for start in starts)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_the_product_of_reserves_is_largest_in_any_order_and_with_other_units(seed):
     rows, forces, limits = problem(seed)
     elements = [(2 * index, 2 * index + 1) for index in range(len(limits))]

@@ -107,8 +107,9 @@ def test_a_reference_system(name):
     assert abs(sim.energies.residual) < 1e-11
 
 
-@pytest.mark.parametrize(("method", "tolerance"), [("rk4", 1e-9), ("gauss4", 1e-9), ("dop853", 1e-10)])
-@pytest.mark.parametrize("name", ["belt", "elbow_stop", "rope"])
+@pytest.mark.parametrize(
+    ("name", "method", "tolerance"), [("belt", "rk4", 1e-9), ("elbow_stop", "gauss4", 1e-9), ("rope", "dop853", 1e-10)]
+)
 def test_other_methods_keep_their_accuracy_through_events(name, method, tolerance):
     end, q, u, _ = REFERENCE[name]
     sim = Simulation.from_file(name, method=method)
@@ -266,28 +267,37 @@ constraints:
 """
 
 
-@pytest.mark.parametrize("depth", [1e-9, 1e-6, 1e-4, -1e-9])
-def test_a_gap_that_would_be_negative_only_within_a_step_closes(depth):
+def test_a_gap_that_would_be_negative_only_within_a_step_closes():
     """Gravity that acts upwards turns a ball in the middle of a step, this much below the floor or above it."""
     speed = 0.055 * 9.81
-    simulation = Simulation.from_text(TURNING.format(height=speed**2 / (2 * 9.81) - depth, speed=-speed))
-    simulation.run(until=0.1)
-    times = [event.time for event in simulation.contact_events]
-    expected = [(speed - math.sqrt(2 * 9.81 * depth)) / 9.81] if depth > 0.0 else []
-    assert times == pytest.approx(expected, abs=1e-11)
+    simulation = Simulation.from_text(TURNING.format(height=1.0, speed=-speed))
+    for depth in (1e-9, 1e-6, 1e-4, -1e-9):
+        simulation.reset(q=[speed**2 / (2 * 9.81) - depth], u=[-speed])
+        simulation.run(until=0.1)
+        times = [event.time for event in simulation.contact_events]
+        expected = [(speed - math.sqrt(2 * 9.81 * depth)) / 9.81] if depth > 0.0 else []
+        assert times == pytest.approx(expected, abs=1e-11)
 
 
 @pytest.mark.usefixtures("compiled_anew")
-def test_a_gap_that_turns_far_from_zero_is_not_searched(monkeypatch):
+def test_gaps_far_from_zero_are_not_searched_and_impacts_without_a_solution_name_their_contacts(monkeypatch):
+    def no_impulses(*_):
+        raise NoSolutionError("none")
+
     text = TURNING.format(height=1.0, speed=-0.055 * 9.81)
     simulation = Simulation.from_text(text)
     monkeypatch.setattr(search, "grazing", fails_when_grazing)
+    monkeypatch.setattr(stepper, "impact", no_impulses)
+    monkeypatch.setattr(forces, "newton", no_solution)  # leaves the impact to the other one
     library.library.cache_clear()
     simulation.run(until=0.1)
     assert simulation.u[0] > 0.0
-    near = Simulation.from_text(TURNING.format(height=(0.055 * 9.81) ** 2 / (2 * 9.81) - 1e-6, speed=-0.055 * 9.81))
+    simulation.reset(q=[(0.055 * 9.81) ** 2 / (2 * 9.81) - 1e-6])
     with pytest.raises(DivergedError):  # so that this test can fail
-        near.run(until=0.1)
+        simulation.run(until=0.1)
+    expected = r"at 0\.45\d+ s no impulses satisfy the laws of impact and friction \(floor\)\. Reduce the friction"
+    with pytest.raises(stepper.EventError, match=expected):
+        Simulation.from_file("bounce").run(until=1.0)
 
 
 def fails_when_grazing(c: Contacts, m: TrialPart, gap: int, first: float) -> float:
@@ -356,18 +366,6 @@ joints:
     sim.run(until=10.0 * 0.02 / moment + 0.5)
     assert sim.u.tolist() == [0.0]
     assert sim.losses.friction == pytest.approx(1.0, rel=1e-12)
-
-
-@pytest.mark.usefixtures("compiled_anew")
-def test_an_impact_without_a_solution_names_its_contacts(monkeypatch):
-    def no_impulses(*_):
-        raise NoSolutionError("none")
-
-    monkeypatch.setattr(stepper, "impact", no_impulses)
-    monkeypatch.setattr(forces, "newton", no_solution)  # leaves the impact to the other one
-    expected = r"at 0\.45\d+ s no impulses satisfy the laws of impact and friction \(floor\)\. Reduce the friction"
-    with pytest.raises(stepper.EventError, match=expected):
-        Simulation.from_file("bounce").run(until=1.0)
 
 
 def no_solution(p: ForceProblem, forces: Array) -> float:

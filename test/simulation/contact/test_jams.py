@@ -25,7 +25,6 @@ contacts:
   c: {{between: [pin, wheel], restitution: 0.3, friction: {friction}}}
 """
 BLOCK = "{{type: block, mass: 1, size: [0.2, 0.2, 0.02], rotate: {rotate}}}"
-OUTLINE = "{{type: outline, mass: 1, points: [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]], rotate: {rotate}}}"
 CRANK = """
 parts:
   crank: {{mass: 1, inertia: [0.01, 0.01, 0.01], center: [0, 0, 0], points: {{pin: {pin}}}}}
@@ -54,7 +53,6 @@ contacts:
 """
 JAMS = {
     "a pin that presses on a block towards its pivot": (PIVOT.replace("{shape}", BLOCK), "0.19 s the gap of c is", "pin"),
-    "a pin that presses on an outline": (PIVOT.replace("{shape}", OUTLINE), "0.19 s the gap of c is", "pin"),
     "a loop that presses on a wall": (CRANK, r"0\.362\d* s the gap of c is", "crank"),
     "a ball between a drive and a wall": (PUSHED, "0.35 s the gaps of c, wall are", "pusher"),
 }  # fmt: skip

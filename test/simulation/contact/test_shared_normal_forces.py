@@ -13,7 +13,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mbd_sim import Simulation
-from mbd_sim.simulation.contact.records import ContactChange
 
 G, MASS, INERTIA, TIME = 9.81, 10.0, 1.0, 0.15
 
@@ -69,9 +68,6 @@ def reference(legs, center, friction, velocity):
     return solve_ivp(rates, (0.0, TIME), start, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.03).y[:, -1]
 
 
-RANDOM_TABLES = {"all legs press": (0, 0.1), "a leg is unloaded": (32, 0.22)}
-
-
 def random_table(seed, spread):
     """Four to six legs on an ellipse, and a center of mass within `spread`."""
     chance = np.random.default_rng(seed)
@@ -83,35 +79,27 @@ def random_table(seed, spread):
     return legs, center, friction, velocity
 
 
-@pytest.mark.parametrize("name", RANDOM_TABLES)
-def test_a_table_slides_on_its_legs_as_on_equal_elastic_ones(name):
-    """Forces of some three of the legs would turn it otherwise: by 9 % after 0.2 s."""
-    legs, center, friction, velocity = random_table(*RANDOM_TABLES[name])
-    simulation = Simulation.from_text(table(legs, center, friction, velocity, range(len(legs))))
+def test_a_table_slides_on_its_legs_as_on_equal_elastic_ones_whatever_their_order():
+    """Forces of some three of the legs would turn it otherwise: by 9 % after 0.2 s. One leg is unloaded."""
+    legs, center, friction, velocity = random_table(32, 0.22)
+    order = np.random.default_rng(1).permutation(len(legs))
+    simulation = Simulation.from_text(table(legs, center, friction, velocity, order), method="tsitouras8")
     simulation.run(until=TIME)
     assert plane_state(simulation) == pytest.approx(reference(legs, center, friction, velocity), abs=1e-11)
     forces = np.array([state.normal for state in simulation.contacts().values()])
     assert np.all(forces >= 0.0) and forces.sum() == pytest.approx(MASS * G, rel=1e-12)
-    assert np.any(forces == 0.0) == (name == "a leg is unloaded")
+    assert np.any(forces == 0.0)
 
 
-def test_the_order_of_legs_does_not_matter():
-    """Neither while it slides, nor where it falls flat on all legs at once."""
-    legs, center, friction, velocity = random_table(0, 0.1)
-    found = []
-    for order in (range(len(legs)), np.random.default_rng(1).permutation(len(legs))):
-        text = table(legs, center, friction, velocity, order, ", restitution: 0.3")
-        simulation = Simulation.from_text(text.replace("velocity: [", "position: [0, 0, 0.05], velocity: [", 1))
-        simulation.run(until=TIME)
-        found.append(np.concatenate([plane_state(simulation), [simulation.energies.total]]))
-    assert found[1] == pytest.approx(found[0], abs=1e-11)
-    assert any(event.change is ContactChange.IMPACT for event in simulation.contact_events)
-
-
-def test_a_table_at_rest_presses_equally_on_four_legs_whatever_their_order():
+def test_a_table_presses_equally_on_four_legs_and_rebounds_from_all_at_once_whatever_their_order():
     legs, center = np.array([[0.5, 0.3], [-0.5, 0.3], [-0.5, -0.3], [0.5, -0.3]]), (0.0, 0.0, 0.05)
-    for order in ((0, 1, 2, 3), (3, 1, 0, 2)):
-        simulation = Simulation.from_text(table(legs, center, 0.3, (0.0, 0.0, 0.0), order))
-        states = simulation.contacts().values()
-        assert [state.normal for state in states] == pytest.approx([MASS * G / 4.0] * 4, rel=1e-12)
-        assert "statically indeterminate" in " ".join(simulation.remarks)
+    text = table(legs, center, 0.3, (0.0, 0.0, 0.0), (3, 1, 0, 2), ", restitution: 0.3")
+    simulation = Simulation.from_text(text, method="tsitouras8")
+    states = simulation.contacts().values()
+    assert [state.normal for state in states] == pytest.approx([MASS * G / 4.0] * 4, rel=1e-12)
+    assert "statically indeterminate" in " ".join(simulation.remarks)
+    simulation.reset(q=[0, 0, 0.05, 1, 0, 0, 0])
+    simulation.run(until=TIME)
+    fall = np.sqrt(2.0 * 0.05 / G)
+    rebound = 0.3 * G * fall - G * (simulation.time - fall)
+    assert simulation.u == pytest.approx([0, 0, rebound, 0, 0, 0], abs=1e-11)

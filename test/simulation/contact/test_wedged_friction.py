@@ -56,7 +56,8 @@ joints: {{f: {{type: free, between: [ground, body]}}}}
 constraints:
 {rows}
 forces: {{push: {{type: force, at: body.push, vector: {push}}}}}
-"""
+""",
+            method="tsitouras8",
         )
 
     def elastic_normals(self):

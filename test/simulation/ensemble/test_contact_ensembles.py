@@ -9,17 +9,12 @@ from mbd_sim import CommandError, DivergedError, Ensemble, Simulation
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.simulation.contact.stepper import EventError
 
-NAMES = [
-    "backlash",
-    "belt",
-    "bounce",
-    "elbow_stop",
-    "freewheel",
-    "rocking",
-    "rope",
-    "slider_crank_friction",
-    "spinning_ball",
-]
+NAMES = {
+    "belt": "tsitouras8",
+    "elbow_stop": "rk4",
+    "rocking": "gauss4",
+    "slider_crank_friction": "tsitouras8",
+}
 
 DRIVEN_INTO_THE_FLOOR = """
 mechanism: press
@@ -36,7 +31,7 @@ constraints:
 """
 
 
-@pytest.mark.parametrize(("name", "method"), list(zip(NAMES, 3 * ["tsitouras8", "rk4", "gauss4"], strict=True)))
+@pytest.mark.parametrize(("name", "method"), NAMES.items())
 def test_members_move_as_single_simulations_bit_for_bit(name, method):
     random = np.random.default_rng(5)
     ensemble = Ensemble.from_file(name, 4, method=method, threads=2)

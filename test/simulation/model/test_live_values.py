@@ -99,7 +99,18 @@ def test_the_error_for_a_value_that_cannot_be_live_says_why(key, words):
 
 def test_sizes_of_bodies_with_changing_features_are_built_into_the_equations():
     """A node takes all parameters as live values that it can; `r` is the radius of a roller on an outline."""
-    names = names_with_matches(mechanism := load_mechanism("detent"), ["parameters.*"])
+    text = """
+mechanism: roller
+parameters: {r: 0.01, k: 20}
+parts:
+  roller: {shape: {type: sphere, radius: r, mass: 1}}
+  cam: {shape: {type: outline, mass: 1, points: [[-0.1, -0.1], [0.1, -0.1], [0, 0.1]]}}
+joints:
+  roller: {type: prismatic, between: [ground, roller], axis: [1, 0, 0], position: 0.3, stiffness: k}
+  cam: {type: revolute, between: [ground, cam], axis: [0, 0, 1]}
+contacts: {c: {between: [roller, cam]}}
+"""
+    names = names_with_matches(mechanism := parse_mechanism(text), ["parameters.*"])
     live = LiveValues(mechanism, names).current
     assert "parameters.k" in live and "parameters.r" not in live
 

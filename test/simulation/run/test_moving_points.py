@@ -26,7 +26,7 @@ def motions_of(simulation):
     return simulation.model.part_motions(simulation.time, simulation.state, simulation.inputs)
 
 
-@pytest.mark.parametrize("name", ["four_bar", "rolling_disc", "moving_support_pendulum", "stewart"])
+@pytest.mark.parametrize("name", ["four_bar", "rolling_disc", "moving_support_pendulum"])
 def test_the_motions_are_the_derivatives_of_the_poses(name):
     simulation = Simulation.from_file(name, step=1e-4)
     simulation.run(0.05)

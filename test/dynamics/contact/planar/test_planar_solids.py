@@ -41,7 +41,7 @@ def test_cross_sections_are_as_far_apart_as_prisms(bodies, still):
     assert contact.still == still and contact.slots <= 2
     flat, space = PolytopePair(contact.first, contact.second, 2, still), PolytopePair(*bodies, 8, None)
     chance, across = np.random.default_rng(1), np.eye(3)[still]
-    for _ in range(40):
+    for _ in range(12):
         poses = []
         for _ in bodies:
             position = chance.normal(size=3) * 0.1 * (1.0 - across)

@@ -49,7 +49,7 @@ def test_a_shadow_meets_an_outline_where_the_body_meets_a_block(body):
     flat = OutlinePair(contact.first, contact.second, contact.slots, contact.names)
     space, chance, signs = PolytopePair(body, block(1.0, 0.3, 9.0), 8, None), np.random.default_rng(2), set()
     table, middle = Pose(ORIGIN, np.eye(3)), Pose(turned @ np.array([0.0, -0.15, 0.0]), turned)
-    for _ in range(100):
+    for _ in range(50):
         angle, x, y = chance.uniform(0.0, 6.0), chance.uniform(-1.0, 1.0), chance.uniform(-0.35, 0.35)
         pose = Pose(turned @ np.array([x, y, 0.0]), rot.about(turned[:, 2], angle) @ turned)
         expected = space.distance(pose, middle)

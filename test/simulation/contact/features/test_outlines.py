@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
 from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.files.load import parse_mechanism
 from mbd_sim.mechanism.elements.contacts import PlanarBody
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.outlines import OutlinePair
@@ -80,30 +78,3 @@ def test_a_contact_ends_where_its_point_leaves_the_piece():
     (found,) = phase.touching(at(0.9, 1.3), at(0.0, 0.0), TOLERANCE)
     assert phase.margin(at(0.9, 1.3), at(0.0, 0.0), found.numbers) == pytest.approx(0.1, rel=1e-12)
     assert phase.margin(at(1.1, 1.3), at(0.0, 0.0), found.numbers) == pytest.approx(-0.1, rel=1e-12)
-
-
-BOXES = """
-mechanism: boxes
-parts:
-  box: {{shape: {box}}}
-  table: {{shape: {table}}}
-joints:
-  box: {{type: planar, between: [ground, box], axis: [0, -1, 0], position: [0.3, -0.3, 0.3], velocity: [0.1, 0.2, 1]}}
-  table: {{type: fixed, between: [ground, table]}}
-contacts:
-  ground: {{between: [box, table], friction: 0.3, restitution: 0.3}}
-"""
-
-
-def test_rectangles_move_as_blocks():
-    block = "{{type: block, mass: 2, size: [{}, 0.1, {}], at: [0, 0, {}]}}"
-    outline = "{{type: outline, plane: xz, mass: 2, thickness: 0.1, points: [[-{0}, -{1}], [{0}, -{1}], [{0}, {1}], [-{0}, {1}]], at: [0, 0, {2}]}}"  # fmt: skip
-    states = []
-    for box, table in (
-        (block.format(0.2, 0.1, 0), block.format(2, 1, -0.5)),
-        (outline.format(0.1, 0.05, 0), outline.format(1, 0.5, -0.5)),
-    ):
-        simulation = Simulation(parse_mechanism(BOXES.format(box=box, table=table)))
-        simulation.step(300)
-        states.append(np.concatenate([simulation.q, simulation.u]))
-    np.testing.assert_allclose(states[1], states[0], atol=1e-9)

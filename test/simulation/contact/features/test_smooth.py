@@ -55,14 +55,14 @@ def scene(kinds, seed):
 
 
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
-@pytest.mark.parametrize("seed", range(3))
-def test_distances_are_not_more_than_those_of_the_nearest_points(kinds, seed):
+def test_distances_are_not_more_than_those_of_the_nearest_points(kinds):
     """Equal to them where the surfaces are smooth; sharp corners may be farther apart than is told, but not nearer."""
-    (first, second), (one, other), radius = scene(kinds, seed)
-    apart = distance(one, other) - radius
+    seed, apart = -1, 0.0
+    while apart < 1e-3:
+        seed += 1
+        (first, second), (one, other), radius = scene(kinds, seed)
+        apart = distance(one, other) - radius
     found = SmoothPair(first, second, 1).distance(one[2], other[2])
-    if apart < 1e-3:
-        return
     assert 0.0 < found <= apart + 1e-5
     toward = other[2].position - one[2].position
     touching = Pose(one[2].position + toward * _fraction(first, second, one[2], other[2], toward), one[2].rotation)
@@ -130,8 +130,7 @@ def test_an_edge_that_lies_flat_on_a_round_end_has_no_iterated_normal(order):
 
 
 @pytest.mark.parametrize(("kind", "end"), [("cone", -0.2), ("cylinder", -0.2), ("disc", 0.0)])
-@pytest.mark.parametrize("order", (1, -1))
-@pytest.mark.parametrize("is_turned", (False, True))
+@pytest.mark.parametrize(("order", "is_turned"), ((1, False), (-1, True)))
 def test_balls_across_the_plane_of_a_flat_end_and_beyond_it_are_as_far_as_its_rim(kind, end, order, is_turned):
     """However little they are beyond the rim, where the normal is all but that of the end."""
     chance, radius, ball = np.random.default_rng(5), 0.25, 0.3
@@ -178,7 +177,7 @@ def _support(bodies, poses, normal):
 def test_discs_that_are_almost_in_one_plane_and_apart_do_not_meet():
     """Also those beside each other that overlap from above: both normals of a rim are near the axes of both there."""
     chance, apart = np.random.default_rng(13), 0
-    for _ in range(60):
+    for _ in range(20):
         radii, spin = chance.uniform(0.2, 1.0, 2), Rotation.random(rng=chance)
         tilt = Rotation.from_rotvec([*10.0 ** chance.uniform(-3.0, -0.5) * chance.normal(size=2), 0.0])
         around, overlap = chance.uniform(-3.0, 3.0), 10.0 ** chance.uniform(-3.5, -1.0)
@@ -199,7 +198,7 @@ def test_discs_that_are_almost_in_one_plane_and_apart_do_not_meet():
             apart += 1
             pair = SmoothPair(*(body("disc", [radius]) for radius in radii), 1)
             assert pair.distance(*poses) > 0.0
-    assert apart > 35
+    assert apart > 11
 
 
 @pytest.mark.parametrize("under", ("disc", "plate"))
@@ -222,14 +221,13 @@ def test_a_rim_above_a_thin_body_is_as_far_as_its_lowest_point(under, kind, orde
         assert height - 1.1 * lower <= pair.distance(*poses) <= height
 
 
-@pytest.mark.parametrize("order", (1, -1))
-@pytest.mark.parametrize("tilt", (0.0, 1e-7, 1e-4, 0.006))
+@pytest.mark.parametrize(("order", "tilt"), ((1, 0.0), (-1, 1e-7), (1, 1e-4), (-1, 0.006)))
 def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(order, tilt):
     """The row of a crossing stays on the rim and on the edge, with the rate of its gap, as both bodies move."""
     chance, half, radius = np.random.default_rng(11), np.array([0.6, 0.2, 0.1]), 0.25
     bodies = (body("cylinder", [radius, 0.4]), body("block", 2.0 * half))
     pair, corner = SmoothPair(*bodies[::order], 16), np.array([0.0, 0.2, 0.1])
-    for _ in range(5):
+    for _ in range(2):
         # The block is turned about its edge y = 0.2, z = 0.1, which then rises along x by the tilt.
         spin = Rotation.from_rotvec([0, 0, chance.uniform(-3, 3)]) * Rotation.from_rotvec([0, -tilt, 0])
         spin = spin * Rotation.from_rotvec([0.0, 0.0, 0.0] if tilt == 0.0 else [0.1, 0.0, 0.0])
