@@ -1,11 +1,7 @@
 """Derivatives of trajectories are those of differences, of closed forms, and of CasADi."""
 
 import functools
-import hashlib
 import math
-import os
-import subprocess
-import sys
 
 import casadi as ca
 import numpy as np
@@ -19,10 +15,9 @@ STEP, STEPS = 0.01, 24
 MECHANISMS = {
     "double_rod": ("m", "l"),
     "four_bar": ("crank", "coupler"),
-    "rolling_disc": (),
+    "knife_edge": (),
     "spherical_top": (),
     "spun_tube_particle": (),
-    "disk_driven": (),
 }
 
 
@@ -81,7 +76,7 @@ def test_derivatives_are_those_of_differences(name):
     assert found.du.by_efforts.shape == (7, len(sim.u), 3, len(own.efforts))
 
 
-@pytest.mark.parametrize("name", ["four_bar", "spherical_top", "rolling_disc"])
+@pytest.mark.parametrize("name", ["four_bar", "spherical_top"])
 def test_the_start_and_its_derivatives_are_those_of_a_reset(name):
     """From a state that violates the constraints, so that the derivatives of Newton's steps count too."""
     model, random = model_of(name), np.random.default_rng(2)
@@ -107,7 +102,7 @@ def test_the_start_and_its_derivatives_are_those_of_a_reset(name):
         assert_close(found.dx.by_parameters[0], differences(run, own.values, 2e-3))
 
 
-@pytest.mark.parametrize("method", ["rk4", "verner7", "dop853", "adams11", "gauss6", "rosenbrock"])
+@pytest.mark.parametrize("method", ["rk4", "adams11", "gauss6", "rosenbrock"])
 def test_each_method_has_the_derivatives_of_its_own_steps(method):
     """Of long steps, whose error is larger than the tolerance, and with `adams11` of some that use earlier ones."""
     step, steps = (1e-3, 40) if method == "adams11" else (0.1, 8)
@@ -308,23 +303,6 @@ def test_what_has_no_derivatives_is_refused():
     pushed.set_wrench("upper", force=[1.0, 0.0, 0.0])
     with pytest.raises(InputError, match="wrenches"):
         sensitivities(pushed, 10)
-
-
-def digest():
-    """Of the bits of all derivatives of a run."""
-    dx = model_of("spherical_top").run(STEPS, efforts=np.ones((2, 3))).dx
-    arrays = (dx.by_parameters, dx.by_start, dx.by_efforts)
-    return hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in arrays)).hexdigest()
-
-
-def test_another_process_computes_the_same_bits():
-    code = (
-        "from mbd_sim.compiler.code import machine_code; machine_code.LEVEL = 0; "
-        "from test.studies.optimization.test_sensitivities import digest; print(digest())"
-    )
-    other = {**os.environ, "PYTHONHASHSEED": "7"}
-    done = subprocess.run([sys.executable, "-c", code], env=other, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == digest()
 
 
 def test_a_start_far_from_its_circle_has_the_derivatives_of_the_projection():
