@@ -61,7 +61,7 @@ def test_a_six_bar_has_six_when_it_is_driven_from_the_other_loop():
 
 def test_no_mode_is_an_error(monkeypatch):
     monkeypatch.setattr("mbd_sim.studies.kinematic_analysis.modes.LEAST", 30)
-    with pytest.raises(InputError, match=r"cannot be assembled at motor = 3.14159: none of 30 starts"):
+    with pytest.raises(InputError, match=r"cannot be assembled at motor = 3.14159: none of 100 starts"):
         assembly_modes(four_bar(1.0, 1.0, 1.1, 2.2, 40), {"motor": np.pi})
 
 

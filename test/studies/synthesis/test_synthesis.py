@@ -22,10 +22,9 @@ def in_plane(path):
     return np.column_stack([path.real, path.imag, np.full(len(path), np.nan)])
 
 
-@pytest.mark.parametrize("free", [False, True])
-def test_a_coupler_curve_leads_back_to_its_linkage(free):
-    """With a free timing the first guesses of the crank angle are wrong by 0.1 rad."""
-    goal = PathGoal("coupler.tracer", in_plane(tracer(ANGLES)), ANGLES + (0.1 if free else 0.0), free)
+def test_a_coupler_curve_leads_back_to_its_linkage():
+    """The timing is free, and the first guesses of the crank angle are wrong by 0.1 rad."""
+    goal = PathGoal("coupler.tracer", in_plane(tracer(ANGLES)), ANGLES + 0.1, True)
     design = synthesize(with_values(four_bar(), POOR), "motor", goal, BOUNDS)
     assert design.converged and design.start_rms > 0.1 and design.rms < 1e-14
     assert design.values == pytest.approx(SIZES, abs=1e-10)
@@ -139,7 +138,8 @@ def test_a_goal_beyond_a_dead_point_is_refused():
         synthesize(start, "motor", FunctionGoal("pivot", ANGLES, ANGLES), {"a": (0.5, 1.5)})
 
 
-def test_an_optimum_on_two_branches_is_refused():
+def test_an_optimum_on_two_branches_is_refused(monkeypatch):
+    monkeypatch.setattr("mbd_sim.studies.kinematic_analysis.modes.LEAST", 30)
     problem = DesignProblem(four_bar(), "motor", FunctionGoal("pivot", np.ones(2), np.array([1.0, 2.0])), ["a"])
     modes = [driven_motion(four_bar(), {"motor": (1.0, 2.0)}, 2, mode=mode).q for mode in (1, 2)]
     problem.begin(np.array([modes[0][0], modes[1][1]]))
