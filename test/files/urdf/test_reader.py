@@ -48,8 +48,7 @@ def problem_of(text):
     return problem
 
 
-@pytest.mark.parametrize("base", ["fixed", "free"])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(("name", "base"), [*zip(ROBOTS, ("fixed", "free"), strict=True)])
 def test_energies_are_those_of_the_urdf(name, base):
     mechanism, rng = parse_mechanism(ROBOTS[name], base=base), np.random.default_rng(1)
     equations = derive(mechanism)
@@ -67,8 +66,7 @@ def test_energies_are_those_of_the_urdf(name, base):
         assert found == pytest.approx(energies(ROBOTS[name], where, speeds, flying), rel=1e-12)
 
 
-@pytest.mark.parametrize("base", ["fixed", "free"])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(("name", "base"), [*zip(ROBOTS, ("fixed", "free"), strict=True)])
 def test_accelerations_are_those_of_kane(name, base):
     mechanism, rng = parse_mechanism(ROBOTS[name], base=base), np.random.default_rng(2)
     equations = derive(mechanism)
@@ -80,8 +78,7 @@ def test_accelerations_are_those_of_kane(name, base):
         )
 
 
-@pytest.mark.parametrize("base", ["fixed", "free"])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(("name", "base"), [*zip(ROBOTS, ("fixed", "free"), strict=True)])
 def test_accelerations_are_those_of_pinocchio(name, base):
     pin = pytest.importorskip("pinocchio", reason="needs the extra 'robots': pip install pin")
     from test.oracles.urdf_oracle import Oracle
