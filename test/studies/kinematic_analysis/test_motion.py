@@ -93,6 +93,16 @@ def test_the_angle_of_a_joint_that_closes_a_loop_is_the_difference_of_the_others
     assert motion.outputs == ("pin", "pivot", "rocker_pin")
 
 
+def test_the_angle_of_a_joint_that_closes_a_loop_has_the_sense_of_its_axis():
+    """About -y; the linkage above turns about z."""
+    motion = driven_motion(load_mechanism("four_bar"), {"crank_pivot": (1.0, 1.2)}, 3)
+    crank, pin, rocker, closing = (
+        motion.coordinate(name)[0] for name in ("crank_pivot", "crank_pin", "rocker_pivot", "rocker_pin")
+    )
+    assert np.ptp(rocker) > 0.01
+    assert np.sin((closing - (rocker - crank - pin)) / 2) == pytest.approx(0.0, abs=1e-12)
+
+
 DOUBLE_ROCKER = {"a": 1.0, "b": 1.0, "c": 1.1, "d": 2.2, "start": 40}
 DEAD = np.arccos((2.2**2 + 1.0**2 - (1.0 + 1.1) ** 2) / (2 * 2.2 * 1.0))  # coupler and rocker in line
 

@@ -196,7 +196,7 @@ TOO_LONG = "the equations of motion are too long to read: .*"
         (polynomial, "MAX_PRODUCTS", 9, "their derivation takes more than 9 products"),
         (expressions, "MAX_TERMS", 1, r"one of their entries has \d+ terms"),
         (expressions, "MAX_OPERATIONS", 2, r"one of their entries has \d+ operations"),
-        (expressions, "MAX_TOTAL_OPERATIONS", 9, "their entries have more than 9 operations"),
+        (expressions, "MAX_TOTAL_OPERATIONS", 20, "their entries have more than 20 operations"),
     ],
 )
 def test_what_is_too_long_is_refused_with_the_reason(monkeypatch, own_builds, module, limit, most, why):
