@@ -31,8 +31,8 @@ def wheel(tmp_path_factory):
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             (copy / name).write_bytes((ROOT / name).read_bytes())
             (copy / name).chmod((ROOT / name).stat().st_mode)
-    command = [sys.executable, "-W", "ignore", "setup.py", "-q", "bdist_wheel", "-d", str(folder)]
-    subprocess.run(command, cwd=copy, check=True, capture_output=True)
+    command = [sys.executable, "-m", "pip", "wheel", "-qq", "--no-deps", "-w", str(folder), str(copy)]
+    subprocess.run(command, check=True, capture_output=True)
     (path,) = folder.glob("mbd_sim-*.whl")
     return zipfile.ZipFile(path)
 
