@@ -75,7 +75,6 @@ WINDOWS = PREAMBLE.format(lacking=WITHOUT_WINDOWS, modules=POSIX_MODULES - {"sel
 COMMANDS = (
     "run rod_pendulum --time 0.3 --out run.mcap",
     "verify run.mcap",
-    "plot run.mcap --out plot.svg",
     "check rod_pendulum --draw drawn.svg",
 )
 PROGRAM = """

@@ -57,7 +57,7 @@ def compare(mechanism, parameters=None):
     found, engine = symbolic_equations(mechanism, parameters), derive(mechanism)
     layout, random = engine.actuators.layout, np.random.default_rng(2)
     nq, nv = engine.layout.nq, engine.layout.nv
-    for _ in range(6):
+    for _ in range(2):
         t, y, inputs = 0.3, engine.start_state.copy(), engine.inputs_without_commands
         y[: nq + nv] = random.normal(size=nq + nv)
         held, commands = {}, {}

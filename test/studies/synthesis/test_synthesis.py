@@ -85,14 +85,13 @@ def test_an_offset_of_a_function_is_found():
 
 
 def test_the_least_peak_torque_is_lower_than_all_around_it():
-    mechanism, speed, drives = four_bar(), 6.0, np.linspace(0.0, 2.0 * np.pi, 13)
+    mechanism, speed, drives = four_bar(), 6.0, np.linspace(0.0, 2.0 * np.pi, 9)
     design = synthesize(mechanism, "motor", EffortGoal(drives, speed), {"c": (1.15, 1.7)}, norm="peak")
 
     def peak(size):
-        motion = driven_motion(with_values(mechanism, {"c": size}), {"motor": (0.0, 2.0 * np.pi)}, 13, speed=speed)
+        motion = driven_motion(with_values(mechanism, {"c": size}), {"motor": (0.0, 2.0 * np.pi)}, 9, speed=speed)
         return np.max(np.abs(drive_loads(motion).efforts["motor"]))
 
-    assert peak(1.2) == pytest.approx(design.start_peak, rel=1e-12)
     assert peak(design.values["c"]) == pytest.approx(design.peak, rel=1e-12)
     least = [peak(design.values["c"] * factor) for factor in (0.999, 1.001)]
     assert design.peak < min(least)
