@@ -36,6 +36,7 @@ def modules():
 def nodes(tree):
     """What tests read of a syntax tree: walking the trees takes longer than everything else."""
     kept = ast.Import | ast.ImportFrom | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef | ast.Expr | ast.Constant
+    kept |= ast.ListComp | ast.SetComp | ast.DictComp
     return [node for node in ast.walk(tree) if isinstance(node, kept)]
 
 
@@ -200,7 +201,7 @@ def test_functions_fit_on_a_screen():
 
 def bound_in_comprehensions(tree):
     """Names of variables of comprehensions anywhere in a tree."""
-    found = [node for node in ast.walk(tree) if isinstance(node, ast.ListComp | ast.SetComp | ast.DictComp)]
+    found = [node for node in nodes(tree) if isinstance(node, ast.ListComp | ast.SetComp | ast.DictComp)]
     targets = [one.target for node in found for one in node.generators]
     return {node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)}
 

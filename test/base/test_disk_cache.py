@@ -233,21 +233,21 @@ def test_small_entries_make_room_now_and_then(folder, monkeypatch):
 
 
 def test_a_mechanism_is_compiled_once(folder, monkeypatch):
-    first = Simulation.from_file("double_rod")
+    first = Simulation.from_file("rod_pendulum")
     monkeypatch.setattr(machine_code, "_compiled", lambda *_: pytest.fail("compiled again"))
-    second = Simulation.from_file("double_rod")
-    first.step(500)
-    second.step(500)
+    second = Simulation.from_file("rod_pendulum")
+    first.step(100)
+    second.step(100)
     assert first.state.tobytes() == second.state.tobytes()
 
 
 def test_live_values_of_a_model_from_the_cache_change_its_motion_alike(folder, monkeypatch):
     live = ("gravity[*]", "joints.*.damping")
-    first = Simulation.from_file("double_rod", live=live)
-    other = Simulation.from_file("double_rod", live=live[:1])
+    first = Simulation.from_file("rod_pendulum", live=live)
+    other = Simulation.from_file("rod_pendulum", live=live[:1])
     assert len(first.inputs) > len(other.inputs)
     monkeypatch.setattr(builder, "build", lambda *_: pytest.fail("built again"))
-    second = Simulation.from_file("double_rod", live=live)
+    second = Simulation.from_file("rod_pendulum", live=live)
     assert second.live == first.live
     for each in (first, second, other):
         each.step(100)
@@ -269,7 +269,7 @@ def test_other_processors_have_kernels_of_their_own(folder, monkeypatch):
 def test_another_process_finds_it_and_gets_the_same_bits(folder):
     program = (
         "from mbd_sim.compiler.code import machine_code; machine_code.LEVEL = 0; from mbd_sim import Simulation; "
-        "s = Simulation.from_file('four_bar'); s.step(300); print(s.state.tolist())"
+        "s = Simulation.from_file('rod_pendulum'); s.step(100); print(s.state.tolist())"
     )
     answers = [
         subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout

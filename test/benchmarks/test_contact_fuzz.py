@@ -20,7 +20,7 @@ def test_a_series_continues_without_what_is_in_the_file(tmp_path, monkeypatch, c
         "--time",
         "0.2",
         "--impacts",
-        "1",
+        "0",
         "--scenes",
         "0",
         "--results",
@@ -29,8 +29,8 @@ def test_a_series_continues_without_what_is_in_the_file(tmp_path, monkeypatch, c
     monkeypatch.setattr(sys, "argv", command)
     contact_fuzz.main()
     first = read(path)
-    assert [(found.series, found.seed, found.outcome) for found in first] == [("run", 0, "ended"), ("loop", 0, "ended")]
-    assert first[1].impacts > 10 and first[1].is_good
+    assert [(found.series, found.seed, found.outcome) for found in first] == [("run", 0, "ended")]
+    assert first[0].is_good
     assert "faulty    0" in capsys.readouterr().out
     contact_fuzz.main()
     assert read(path) == first
@@ -59,7 +59,8 @@ def test_a_gain_of_energy_is_found(monkeypatch):
         return dataclasses.replace(found, u_change=found.u_change * 2.5)
 
     monkeypatch.setattr(stepper, "impact", wrong)
-    found = result("loop", 0, 1.0)
+    monkeypatch.setattr(contact_fuzz, "ENOUGH", 12)
+    found = result("loop", 0, 0.3)
     assert found.gain > 1e-3 and not found.is_good
 
 
@@ -69,7 +70,7 @@ def test_an_exception_is_a_result(monkeypatch):
     assert (found.outcome, found.message) == ("traceback ZeroDivisionError", "division by zero")
 
 
-@pytest.mark.parametrize("kind", ALL_KINDS)
+@pytest.mark.parametrize("kind", ALL_KINDS[::3])
 def test_the_same_seed_gives_the_same_text(kind):
     assert contact_mechanism(7, kind) == contact_mechanism(7, kind)
     assert contact_mechanism(7, kind) != contact_mechanism(8, kind)
@@ -81,14 +82,14 @@ def test_errors_of_integration_are_told_apart_by_a_finer_step():
     assert found.coarse > 1e-10 > found.drift and found.is_good and found.step == pytest.approx(1.25e-4)
 
 
-@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("kind", SCENES[::3])
 def test_a_scene_has_one_text(kind):
     assert scene(3, kind) == scene(3, kind) != scene(4, kind)
 
 
-@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("kind", ["plane_outlines", "space_pair"])
 def test_bodies_of_all_shapes_end_with_the_right_energy(kind):
-    """Four starts of a mechanism: finds hangs, exceptions, penetration and gains of energy."""
-    for start in range(STARTS):
-        found = result("scene", STARTS * SCENES.index(kind) + start, 0.4)
+    """Starts of a mechanism: finds hangs, exceptions, penetration and gains of energy. The long series is the program."""
+    for start in range(2):
+        found = result("scene", STARTS * SCENES.index(kind) + start, 0.3)
         assert found.kind == kind and found.outcome == "ended" and found.is_good, found

@@ -40,12 +40,10 @@ def test_what_writes_no_file_needs_no_folder(read_only, capsys, command, said):
     assert said in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", ["plot", "run"])
-def test_temporary_files_go_beside_the_file_that_is_written(read_only, capsys, tmp_path, command):
+def test_temporary_files_go_beside_the_file_that_is_written(read_only, tmp_path):
     read_only.add(str(tmp_path))
     picture = tmp_path / "run.png"
-    option = "--out" if command == "plot" else "--plot"
-    assert main([command, "a01_simple_pendulum", "--time", "0.1", "--quiet", option, str(picture)]) == 0
+    assert main(["plot", "a01_simple_pendulum", "--time", "0.1", "--quiet", "--out", str(picture)]) == 0
     assert tempfile.tempdir == str(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["run.png"]
 

@@ -1,8 +1,5 @@
 """Mechanism files in the cache on disk: the same mechanism, found only under the same conditions."""
 
-import subprocess
-import sys
-
 import pytest
 
 from mbd_sim import MechanismError, Simulation, load_mechanism, parse_mechanism
@@ -38,18 +35,6 @@ def test_the_records_are_the_same(folder, name):
     read = load_mechanism(name)
     assert entries(folder) == 1
     assert contents(load_mechanism(name)) == contents(read)
-
-
-def test_a_file_that_was_read_before_needs_no_schema(folder):
-    program = (
-        "import sys; from mbd_sim import Simulation; s = Simulation.from_file('four_bar'); s.step(50)\n"
-        "print(s.state.tolist()); print('pydantic' in sys.modules, 'yaml' in sys.modules, file=sys.stderr)"
-    )
-    runs = [
-        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True) for _ in range(2)
-    ]
-    assert [run.stderr.split() for run in runs] == [["True", "True"], ["False", "False"]]
-    assert runs[0].stdout == runs[1].stdout
 
 
 def test_a_mechanism_from_the_cache_takes_changes(folder):

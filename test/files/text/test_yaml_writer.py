@@ -49,7 +49,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.dictionaries(st.sampled_from(["parts", "joints", "x"]) | WORDS, VALUES, max_size=4))
 def test_any_data(data):
     assert parse_source(yaml_text(data)).data == data

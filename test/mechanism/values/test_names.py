@@ -32,7 +32,7 @@ def mechanism_of(names):
     return parse_mechanism(yaml_text(named_mechanism(names)))
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(10))
 def test_names_are_those_of_the_file(seed):
     names = random_names(random.Random(seed), COUNT)
     mechanism = mechanism_of(names)
@@ -44,7 +44,7 @@ def test_names_are_those_of_the_file(seed):
     assert with_values(mechanism, {key: 0.7}).joints[names[4]].damping.tolist() == [0.7]
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(1))
 def test_a_run_and_its_table_have_the_names_and_the_numbers_of_plain_ones(seed, tmp_path):
     names = random_names(random.Random(100 + seed), COUNT)
     tables = []
@@ -66,7 +66,7 @@ def test_a_run_and_its_table_have_the_names_and_the_numbers_of_plain_ones(seed, 
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_urdf_and_sdf_keep_the_names(seed):
     names = random_names(random.Random(200 + seed), COUNT)
     mechanism = mechanism_of(names)
@@ -80,7 +80,7 @@ def test_urdf_and_sdf_keep_the_names(seed):
     assert kept - set(mechanism.parts) <= set(world.coordinate_names)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_mjcf_keeps_the_names(seed):
     pytest.importorskip("mujoco")
     from mbd_sim.files.mjcf.writer import to_mjcf

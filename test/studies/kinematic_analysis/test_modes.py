@@ -47,17 +47,6 @@ def test_a_four_bar_has_two():
     assert np.min(np.abs(np.mod(modes.q[:, 2], 2 * np.pi) - rocker_angles(np.ones(1))[0])) < 1e-13
 
 
-def test_a_six_bar_has_four_when_its_four_bar_is_driven():
-    theta = np.radians(60)
-    expected = [
-        point
-        for point in branches(np.array([theta]))
-        for _ in range(2 if 0.2 < abs(point[0] - (1.9 + 1j)) < 2.2 else 0)
-    ]
-    assert len(expected) == 4
-    assert len(assembly_modes(parse_mechanism(SIX_BAR), {"motor": theta})) == 4
-
-
 def test_a_six_bar_has_six_when_it_is_driven_from_the_other_loop():
     """A coupler curve of sixth order meets a circle in six further points (Hunt 1978): here all of them are real."""
     theta = np.linspace(0, 2 * np.pi, 20001)
@@ -68,15 +57,16 @@ def test_a_six_bar_has_six_when_it_is_driven_from_the_other_loop():
     angles = sorted(np.mod(modes.q[:, 0], 2 * np.pi))
     places = [theta[:-1][one[:-1] * one[1:] < 0] for one in distances]
     assert angles == pytest.approx(sorted(np.concatenate(places)), abs=4e-4)
-    assert np.array_equal(modes.q, assembly_modes(parse_mechanism(SIX_BAR), {"arm_pivot": np.pi}).q)
 
 
-def test_no_mode_is_an_error():
-    with pytest.raises(InputError, match=r"cannot be assembled at motor = 3.14159: none of 200 starts"):
+def test_no_mode_is_an_error(monkeypatch):
+    monkeypatch.setattr("mbd_sim.studies.kinematic_analysis.modes.LEAST", 30)
+    with pytest.raises(InputError, match=r"cannot be assembled at motor = 3.14159: none of 100 starts"):
         assembly_modes(four_bar(1.0, 1.0, 1.1, 2.2, 40), {"motor": np.pi})
 
 
-def test_a_joint_that_the_file_drives_is_among_the_coordinates():
+def test_a_joint_that_the_file_drives_is_among_the_coordinates(monkeypatch):
+    monkeypatch.setattr("mbd_sim.studies.kinematic_analysis.modes.LEAST", 30)
     driven = four_bar().source.text.replace("position: 60 deg}", "drive: 2*t}")
     modes = assembly_modes(parse_mechanism(driven), {"motor": np.pi / 3})
     free = assembly_modes(four_bar(), {"motor": np.pi / 3})

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from mbd_sim import InputError, MechanismError, load_mechanism, parse_mechanism
-from mbd_sim.files.checks.override import with_values
 from mbd_sim.studies.kinematic_analysis import UnreachableError, driven_motion, limit_positions, reachable_range
 from test.studies.kinematic_analysis.linkages import four_bar, rocker_angles, tracer
 
@@ -94,6 +93,16 @@ def test_the_angle_of_a_joint_that_closes_a_loop_is_the_difference_of_the_others
     assert motion.outputs == ("pin", "pivot", "rocker_pin")
 
 
+def test_the_angle_of_a_joint_that_closes_a_loop_has_the_sense_of_its_axis():
+    """About -y; the linkage above turns about z."""
+    motion = driven_motion(load_mechanism("four_bar"), {"crank_pivot": (1.0, 1.2)}, 3)
+    crank, pin, rocker, closing = (
+        motion.coordinate(name)[0] for name in ("crank_pivot", "crank_pin", "rocker_pivot", "rocker_pin")
+    )
+    assert np.ptp(rocker) > 0.01
+    assert np.sin((closing - (rocker - crank - pin)) / 2) == pytest.approx(0.0, abs=1e-12)
+
+
 DOUBLE_ROCKER = {"a": 1.0, "b": 1.0, "c": 1.1, "d": 2.2, "start": 40}
 DEAD = np.arccos((2.2**2 + 1.0**2 - (1.0 + 1.1) ** 2) / (2 * 2.2 * 1.0))  # coupler and rocker in line
 
@@ -109,14 +118,14 @@ def test_a_range_beyond_a_dead_point_is_refused_with_the_reachable_interval():
 
 
 def test_the_motion_goes_on_through_dead_points_until_it_repeats():
-    motion = driven_motion(four_bar(**DOUBLE_ROCKER), {"motor": (-2.0, 2.0)}, 401, dead_points="follow")
+    motion = driven_motion(four_bar(**DOUBLE_ROCKER), {"motor": (-2.0, 2.0)}, 201, dead_points="follow")
     assert [one.kind for one in motion.singular] == ["dead point"] * 2
     upper, lower = (one.drives["motor"] for one in motion.singular)
     assert (upper, lower) == pytest.approx((DEAD, -DEAD), abs=1e-12)
     assert np.max(np.abs(motion.drive)) == pytest.approx(DEAD, abs=1e-12)
     assert np.isnan(motion.u[motion.singular[0].row]).all() and set(motion.direction) == {1.0, -1.0}
     ends = motion.q[[0, -1]] - motion.q[0]
-    assert np.max(np.abs(np.sin(ends / 2))) < 0.02  # within a row of where it began
+    assert np.max(np.abs(np.sin(ends / 2))) < 0.04  # within a row of where it began
     gaps = [motion.system.constraints.position(0.0, q) for q in motion.q]
     assert np.max(np.abs(gaps)) < 1e-13
     tips = [motion.point(name).position for name in ("coupler.tip", "rocker.tip")]
@@ -143,7 +152,8 @@ def test_a_motion_cannot_begin_where_its_direction_is_not_determined():
         driven_motion(four_bar(**{**DOUBLE_ROCKER, "start": np.degrees(DEAD)}), {"motor": (DEAD, 0.5)})
 
 
-def test_a_mode_is_chosen_by_its_number():
+def test_a_mode_is_chosen_by_its_number(monkeypatch):
+    monkeypatch.setattr("mbd_sim.studies.kinematic_analysis.modes.LEAST", 30)
     modes = [driven_motion(four_bar(), {"motor": (1.0, 1.1)}, 2, mode=number) for number in (1, 2)]
     angles = sorted(np.mod(one.coordinate("pivot")[0][0], TURN) for one in modes)
     assert angles[0] == pytest.approx(rocker_angles(np.ones(1))[0][0], abs=1e-13)
@@ -205,8 +215,3 @@ def test_wrong_drives_are_refused(drives, message):
 def test_velocity_constraints_are_refused():
     with pytest.raises(MechanismError, match="because of constraints on velocities"):
         driven_motion(load_mechanism("rolling_disc"), {"flight.x": (0.0, 1.0)})
-
-
-def test_lengths_that_cannot_be_reached_are_errors_of_the_mechanism():
-    with pytest.raises(MechanismError, match="remains open"):
-        driven_motion(with_values(four_bar(), {"a": 9.0}), {"motor": (0.0, 1.0)})

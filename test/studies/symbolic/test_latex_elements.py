@@ -14,7 +14,7 @@ from mbd_sim.studies.symbolic import symbolic_equations, to_latex
 from test.studies.symbolic.test_latex import parse
 
 CASES = re.compile(r"\\begin\{cases\}(.*?)\\end\{cases\}")
-NAMES = ("bounce", "rope", "elbow_stop", "backlash", "belt", "freewheel", "spinning_ball", "slider_crank_friction")
+NAMES = ("bounce", "elbow_stop", "belt", "freewheel", "spinning_ball", "slider_crank_friction")
 
 PUCK = """
 mechanism: puck
@@ -91,7 +91,7 @@ def test_clutches_and_loaded_joints_have_laws_without_a_gap():
     assert "and the friction" in guide  # after its two-sided constraint
 
 
-@pytest.mark.parametrize("name", ["rope", "elbow_stop", "backlash", "spinning_ball"])
+@pytest.mark.parametrize("name", ["rope", "spinning_ball"])
 def test_gaps_slips_and_what_their_forces_do_are_those_of_the_engine(name):
     found = symbolic_equations(load_mechanism(name))
     sim = Simulation.from_file(name)

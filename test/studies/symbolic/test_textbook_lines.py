@@ -162,7 +162,7 @@ def test_tumbling_body_has_eulers_equations():
     compare(moments, column(*euler))
 
 
-@pytest.mark.parametrize("name", ["rod_pendulum", "double_rod", "slider_crank"])
+@pytest.mark.parametrize("name", ["double_rod", "constrained_pendulum"])
 def test_the_record_holds_together(name):
     model = model_of(name)
     assert model.L == model.T - model.V
@@ -172,7 +172,7 @@ def test_the_record_holds_together(name):
     compare(model.G + sp.zeros(*model.G.shape), model.Phi.jacobian(model.q) if model.Phi else model.G)
 
 
-@pytest.mark.parametrize("name", ["double_rod", "cart_pendulum_spring", "rotating_frame_mass", "spun_tube_particle"])
+@pytest.mark.parametrize("name", ["cart_pendulum_spring", "rotating_frame_mass"])
 def test_the_numbers_are_those_of_the_compiled_equations(name):
     model, engine = model_of(name), derive(load_mechanism(name))
     arguments = [model.t, list(model.q), list(model.u), list(model.efforts)]

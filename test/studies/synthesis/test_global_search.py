@@ -53,12 +53,12 @@ def test_a_linkage_is_found_from_the_wrong_mode_and_beyond_its_bounds_by_any_num
     variables = {**BOUNDS, "b": (0.8, 2.2)}
     variables = {key: variables[key] for key in ("a", "b", "c")}
     seen = []
-    settings = SearchSettings(seed=1, generations=6, population=6)
+    settings = SearchSettings(seed=1, generations=4, population=6)
     design = global_design(problem, variables, "motor", "rms", settings, lambda part, loss: seen.append((part, loss)))
     assert design.rms < 1e-12 and design.values == pytest.approx({"a": 0.5, "b": 1.4, "c": 1.2})
-    assert design.trials == 6 * 3 * 7 or design.trials > 100
-    assert [part for part, _ in seen] == pytest.approx(np.arange(1, len(seen) + 1) / 6)
-    again = global_design(problem, variables, "motor", "rms", SearchSettings(1, 6, 6, workers=2))
+    assert design.trials >= 4 * 3 * 6
+    assert [part for part, _ in seen] == pytest.approx(np.arange(1, len(seen) + 1) / 4)
+    again = global_design(problem, variables, "motor", "rms", SearchSettings(1, 4, 6, workers=2))
     assert again.values == design.values
 
 

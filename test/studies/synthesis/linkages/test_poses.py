@@ -9,7 +9,6 @@ from mbd_sim.studies.kinematic_analysis.system import KinematicSystem
 from mbd_sim.studies.synthesis.linkages import (
     Given,
     PlanePose,
-    draw_poses,
     linkages_for_poses,
     pose_linkage_text,
     verified,
@@ -115,14 +114,12 @@ def test_a_swinging_block_passes_through_three_poses():
     assert (trouble == "") == (linkage.defects == "") and (linkage.defects or deviation < 1e-12)
 
 
-def test_four_poses_have_many_linkages_the_best_first(tmp_path):
+def test_four_poses_have_many_linkages_the_best_first():
     poses = [PlanePose(0, 0, 0), PlanePose(1, 0.5, 0.5), PlanePose(1.8, 1.6, 1.2), PlanePose(1.6, 2.6, 1.9)]
     solutions = linkages_for_poses(poses)
     best = solutions.linkages[0]
     assert len(solutions.linkages) > 100 and not best.defects and best.transmission > np.radians(20)
     assert "the best 3" in poses_text(solutions, 3)
-    draw_poses(tmp_path / "poses.png", solutions, best)
-    assert (tmp_path / "poses.png").stat().st_size > 10_000
 
 
 def test_what_does_not_fit_is_refused():
