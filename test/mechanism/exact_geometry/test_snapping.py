@@ -72,7 +72,7 @@ def test_an_exact_linkage_keeps_its_bits(name):
     assert np.array_equal(frames_of(found), frames_of(written(name, 1, 17, tolerance=0)[0]))
 
 
-@pytest.mark.parametrize("kinds", LOOPS[:2], ids="-".join)
+@pytest.mark.parametrize("kinds", list(LOOPS)[:2], ids="-".join)
 def test_a_loop_that_is_special_in_nothing_stays_as_written(kinds):
     """Few digits do not matter to it: it closes, and moves, as it is."""
     data = random_loop(kinds, np.random.default_rng(2))
