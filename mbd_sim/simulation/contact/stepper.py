@@ -147,9 +147,9 @@ class OneSidedStepper:
         sliding = self._model.sliding(modes)
         at_limit[sliding] = False
         yielding[at_limit] = 1
-        open_, yields = (frozenset(np.flatnonzero(marks).tolist()) for marks in (opening, yielding))
+        opens, yields = (frozenset(np.flatnonzero(marks).tolist()) for marks in (opening, yielding))
         goes_on = frozenset(sliding) if np.any(reached) else frozenset[int]()
-        self._resolve(time, y, inputs, Forced(open_, yields, sliding=goes_on), touched, elastic)
+        self._resolve(time, y, inputs, Forced(opens, yields, sliding=goes_on), touched, elastic)
         self._record_changes(time, old, modes)
         is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
         return SAME if is_same else CHANGED

@@ -153,7 +153,7 @@ def test_speeds_beside_a_drive_have_the_least_kinetic_energy_as_in_the_simulatio
         assert members.u[index] == pytest.approx(simulation.u, rel=1e-12, abs=1e-15)
         drive, outputs = simulation.drives()["spin"], code.outputs(0.0)
         found = [outputs[f"spin.{what}"] for what in ("position", "velocity", "effort")]
-        assert np.allclose(found, [drive.position, drive.velocity, drive.force], rtol=1e-14, atol=1e-13)
+        assert np.allclose(found, [drive.position, drive.velocity, drive.force], rtol=1e-14, atol=1e-14)
         for change in (-0.1, 0.1):
             y = simulation.state.copy()
             y[simulation.model.u_range] += [change, -change]
