@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.roots import first_zero
@@ -90,9 +91,15 @@ def _extreme(motion: DrivenMotion, angle: TransmissionAngle, values: Array, *, g
     sign = -1.0 if greatest else 1.0
     row = int(np.argmin(sign * values))
     best, place = float(values[row]), float(motion.s[row])
+    singular = {one.row for one in motion.singular}
 
     def signed(first: int, s: float) -> float:
-        return sign * angle(motion.at(first, s))
+        try:
+            return sign * angle(motion.at(first, s))
+        except InputError:
+            if singular.isdisjoint((first, first + 1)):
+                raise
+            return np.inf  # two configurations meet in the singular row, and Newton's method fails so close to it
 
     for first in (row - 1, row):
         if 0 <= first < len(motion) - 1:
