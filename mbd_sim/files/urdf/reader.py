@@ -17,7 +17,8 @@ from mbd_sim.base.errors import listed, nearest, quoted
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import Base, Element, Reading, parse_xml, text_of
 from mbd_sim.files.urdf.closing_frames import closing_joints
-from mbd_sim.files.urdf.elements import MOMENTS, Origins, color_of, joint_of, mimic_of, part_of
+from mbd_sim.files.urdf.elements import AXIAL, MOMENTS, Origins, color_of, joint_of, mimic_of, part_of
+from mbd_sim.files.urdf.gazebo import GAZEBO, has_spring, springs_of
 from mbd_sim.mechanism.elements.parts import GROUND, is_frame_name
 from mbd_sim.mechanism.values.names import LONGEST_NAME, accepted_names, reference, unique_name
 from mbd_sim.mechanism.values.source import Location, Origin, Source
@@ -149,6 +150,8 @@ class _Robot:
         named = self._named("joint")
         self.kinds = {name: joint.attributes.get("type", "") for name, joint in named.items()}
         self.joints = self._connected(named)
+        axial = [name for name in self.joints if self.kinds[name] in AXIAL]
+        self.springs = springs_of(self.reading, robot, axial)
         self.part_names = accepted_names(self.links, "link", is_frame_name)
         self.joint_names = accepted_names(self.joints, "joint")
         self.root = self._root()
@@ -188,6 +191,8 @@ class _Robot:
             data["ros2_control"] = text_of(blocks)
             self._note_places(blocks)
         for element in self.robot.children:
+            if element.tag == GAZEBO and has_spring(element):
+                continue  # whose rest is listed
             if element.tag not in ("link", "joint", "material"):
                 name = element.attributes.get("name") or element.attributes.get("reference") or "without a name"
                 hint = ", which acts with --control" if element.tag == "ros2_control" else ""
@@ -320,7 +325,8 @@ class _Robot:
             joint.first("origin") or joint, f"{key}.origin"
         )
         between = [reference(parent, own if pose else ""), reference(child)]
-        return {"type": record.pop("type"), "between": between, **record}, pose
+        spring = self.springs.get(name, {})
+        return {"type": record.pop("type"), "between": between, **record, **spring}, pose
 
     def _note_places(self, blocks: Sequence[Element]) -> None:
         """Note the lines of the `<ros2_control>` blocks, and of the joints and sensors in them."""
