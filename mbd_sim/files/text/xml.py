@@ -15,6 +15,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -306,8 +307,8 @@ class Reading:
         self._left_out.setdefault(kind, []).append(element)
 
     def leave_out_at(self, kind: str, element: Element, key: str) -> None:
-        """Note that something in an element is not imported, with the line of the element."""
-        other = "" if element.file in ("", self.file) else f"{element.file}, "
+        """Note that something in an element is not imported, with the line of the element, and the name of its file."""
+        other = "" if element.file in ("", self.file) else f"{Path(element.file).name}, "
         self.leave_out(kind, f"{key} ({other}line {element.line})")
 
     def note_slips(self, root: Element) -> None:

@@ -13,6 +13,7 @@ from mbd_sim.files.text.xml import NUMBER, Element, Reading
 
 GAZEBO = "gazebo"
 SPRING = {"springStiffness": "stiffness", "springReference": "rest"}  # their keys in a mechanism file
+WITHOUT_EFFECT = ("implicitSpringDamper", "provideFeedback")  # here
 
 Springs = Mapping[str, Mapping[str, float]]
 
@@ -30,6 +31,8 @@ def springs_of(reading: Reading, robot: Element, axial: Container[str]) -> Sprin
         key = f"{GAZEBO}[{joint}]" if joint.isprintable() else GAZEBO
         for element in block.children:
             where = f"{key}.{element.tag}"
+            if element.tag in WITHOUT_EFFECT:
+                continue
             if element.tag not in SPRING:
                 reading.leave_out_at(f"<{element.tag}> of <{GAZEBO}>", element, key)
             elif joint not in axial:

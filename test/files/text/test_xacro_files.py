@@ -106,6 +106,14 @@ def test_loaded_by_python_the_command_line_and_a_mechanism_file(robot, capsys, t
     assert load_mechanism(file).parts["link0"].center[2] == 0.125
 
 
+def test_remarks_name_an_included_file_without_its_folder(robot):
+    """The path of a package in each of some thirty remarks hid what they say."""
+    included = robot.parents[2] / "Parts_ROS2" / "urdf" / "link.xacro"
+    included.write_text(LINK.replace("<limit lower", '<limit soft="1" lower'))
+    places = ", ".join(f"joint[link{number}_joint].limit (link.xacro, line 9)" for number in range(2))
+    assert f"soft of <limit>: {places}" in load_mechanism(str(robot)).source.notes
+
+
 def test_the_text_of_a_recording_needs_no_package(robot):
     text = mechanism_text(load_mechanism(f"{robot} count:=3").source)
     (robot.parents[2] / "Parts_ROS2" / "urdf" / "link.xacro").unlink()

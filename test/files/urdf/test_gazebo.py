@@ -45,12 +45,12 @@ def test_the_last_of_several_blocks_counts_and_other_elements_are_listed():
     blocks = [
         spring(3),
         "<gazebo><plugin/></gazebo>",
-        spring(5, 0.1, more="<implicitSpringDamper>1</implicitSpringDamper>"),
+        spring(5, 0.1, more="<provideFeedback>1</provideFeedback><stopErp>1</stopErp>"),
     ]
     mechanism = pair("continuous", *blocks, '<gazebo reference="j"><provideFeedback>1</provideFeedback></gazebo>')
     own = mechanism.joints["j"].stiffness
     assert (own.item(), mechanism.joints["j"].rest.item()) == (5.0, 0.1)
-    assert mechanism.source.notes[0] == "<implicitSpringDamper> of <gazebo>: gazebo[j] (line 9)"
+    assert mechanism.source.notes[0] == "<stopErp> of <gazebo>: gazebo[j] (line 9)"
     assert "<gazebo>: without a name, j" in mechanism.source.notes
 
 
