@@ -337,13 +337,19 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A URDF joint: its type, its axis (3,) if it has one, its damping and friction, and the joint that it mimics."""
+    """A URDF joint: its type, its axis (3,) if it has one, and the joint that it mimics.
+
+    Damping and friction are those of its coordinate, as are the `stiffness` of a spring and the position `rest` without
+    its force.
+    """
 
     name: str
     type: str
     axis: Array | None = None
     damping: float = 0.0
     friction: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
     mimic: Mimic | None = None
 
 
@@ -378,12 +384,12 @@ def _single_motions(joint: Joint) -> list[Motion]:
             name,
             _type(joint, index) if coordinate.rotation else "prismatic",
             joint.direction(coordinate),
-            float(damping) + viscous,
+            float(joint.damping[index]) + viscous,
             friction,
+            float(joint.stiffness[index]),
+            float(joint.rest[index]),
         )
-        for index, (name, coordinate, damping) in enumerate(
-            zip(joint.motion_names, joint.kind.coordinates, joint.damping, strict=True)
-        )
+        for index, (name, coordinate) in enumerate(zip(joint.motion_names, joint.kind.coordinates, strict=True))
     ]
 
 

@@ -24,6 +24,7 @@ from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import to_rpy
 from mbd_sim.files.text import xml as xml_elements
 from mbd_sim.files.urdf.elements import Motion, mimics_of, motions_of, range_of
+from mbd_sim.files.urdf.gazebo import GAZEBO, SPRING
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.forces import Bushing
@@ -261,8 +262,8 @@ def _starts_elsewhere(joint: Joint) -> bool:
 
 def _has_law(joint: Joint) -> bool:
     stops = any(limits is not None and limits.stiffness is not None for limits in joint.limits)
-    three_ways = joint.kind.quaternion is not None and joint.damping.any()
-    return bool(joint.stiffness.any() or joint.spring or joint.damper or stops or three_ways)
+    three_ways = joint.kind.quaternion is not None and (joint.damping.any() or joint.stiffness.any())
+    return bool(joint.spring or joint.damper or stops or three_ways)
 
 
 def _add_joint(robot: Element, joint: Joint, motions: list[Motion], names: set[str]) -> None:
@@ -299,6 +300,11 @@ def _add_motion(robot: Element, motion: Motion, joint: Joint, origin: Pose, pare
         ElementTree.SubElement(
             element, "dynamics", {key: _number(value) for key, value in coefficients.items() if value}
         )
+    if motion.stiffness:
+        values = {"stiffness": motion.stiffness, "rest": motion.rest}
+        block = ElementTree.SubElement(robot, GAZEBO, reference=motion.name)
+        for tag, key in SPRING.items():
+            ElementTree.SubElement(block, tag).text = _number(values[key])
     if mimic := motion.mimic:
         law = {"multiplier": _number(mimic.multiplier), "offset": _number(mimic.offset)}
         ElementTree.SubElement(element, "mimic", {"joint": mimic.joint, **law})

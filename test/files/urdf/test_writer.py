@@ -94,13 +94,15 @@ parts:
   f: {mass: 1, inertia: [0.1, 0.1, 0.1]}
   g: {mass: 1, inertia: [0.1, 0.1, 0.1]}
 joints:
-  plane: {type: planar, between: [a.p, ground], axis: [1, 2, 3], damping: [1, 2, 3]}
+  plane: {type: planar, between: [a.p, ground], axis: [1, 2, 3], damping: [1, 2, 3],
+          stiffness: [4, 5, 6], rest: [0.1, 0.2, -0.3]}
   cross: {type: universal, between: [a, b.p], axes: [[1, 0, 0], [1, 1, 0]], damping: [0.1, 0.2]}
   tube: {type: cylindrical, between: [c.p, b], axis: [0, 1, 1], damping: [0.3, 0.4]}
-  bolt: {type: screw, between: [c, d.p], axis: [0, 0, 1], lead: 0.3, damping: 0.2}
+  bolt: {type: screw, between: [c, d.p], axis: [0, 0, 1], lead: 0.3, damping: 0.2, stiffness: 2, rest: 0.4}
   swing: {type: revolute, between: [d, e], axis: [1, 0, 1], friction: {coulomb: 0.5, viscous: 0.1}, damping: 0.2,
           limits: {lower: -1, upper: 2}, velocity_limit: 3}
-  slide: {type: prismatic, between: [f, d], axis: [1, 1, 1], friction: {coulomb: 0.5}, effort_limit: 8}
+  slide: {type: prismatic, between: [f, d], axis: [1, 1, 1], friction: {coulomb: 0.5}, effort_limit: 8,
+          stiffness: 5, rest: -0.2}
   float: {type: free, between: [ground, g]}
 """
 
@@ -110,7 +112,8 @@ def kept_by_urdf(text):
     data = json.loads(text)
     data.pop("forces", None)
     for name, joint in data["joints"].items():
-        for key in ("drive", "stiffness", "rest", "spring", "damper"):
+        ball = joint["type"] in ("spherical", "free")
+        for key in ("drive", "spring", "damper", *(("stiffness", "rest") if ball else ())):
             joint.pop(key, None)
         if "friction" in joint:
             joint["friction"] = {"coulomb": joint["friction"]["coulomb"]}
@@ -232,7 +235,7 @@ def test_gears_and_couplings_become_mimics_and_what_is_left_out_is_named():
     factors = [constraint.factors for constraint in again.constraints]
     assert factors == [{"second": 1.0, "first": 0.5}, {"third": 1.0, "first": -0.5}]
     assert again.constraints[1].value.at(0.0) == 0.25
-    assert "<!-- not in this file: springs, dampers and forces: rope; springs and dampers of joints: first -->" in text
+    assert "<!-- not in this file: springs, dampers and forces: rope -->" in text
     loop = to_urdf(load_mechanism("four_bar"))
     assert "<!-- not in this file: joints that close loops: rocker_pin; positions and velocities at the start: " in loop
 
