@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.extrapolation import extrapolated
+from mbd_sim.simulation.contact.compiled.collocation import collocated
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     PART_STEP,
     Contacts,
@@ -103,11 +103,10 @@ def finish(c: Contacts, m: TrialPart, length: float) -> None:
 
 def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Array, places: Array) -> None:
     """The state, the readings and the poses after a length in s."""
-    sequences = m.sliding.sequences[0]
     for i in range(c.size):
         state[i] = m.y[i]
-    if length != 0.0 and sequences > 0:
-        if extrapolated(c, m.sliding, m.y, m.inputs, m.t, length, sequences, 0.0, state) > 0.0:
+    if length != 0.0 and m.sliding.is_collocated[0]:
+        if not math.isfinite(collocated(c, m.sliding, m.y, m.inputs, m.t, length, math.inf, state)):
             m.failed[0] = 1
     elif length != 0.0 and PART_STEP(c.part_step, state, m.inputs, m.t, length) < 0:
         m.failed[0] = 1

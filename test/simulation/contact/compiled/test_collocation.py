@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mbd_sim import Simulation
-from mbd_sim.simulation.contact.compiled.extrapolation import refined
 
 BEGINS, ENDS = 0.05, 0.09  # s
 BRIEF = 1e-7  # s, after which the comparison starts
@@ -65,11 +64,3 @@ def test_slip_follows_a_force_that_turns(simulation, seed):
     assert simulation.q[:2] == pytest.approx(expected[:2], abs=1e-9)
     assert simulation.u[:2] == pytest.approx(expected[2:], abs=1e-9)
     assert abs(simulation.energies.residual) < 1e-11
-
-
-def test_values_of_few_parts_are_extrapolated():
-    """Those of 1 to 5 parts, a polynomial of the fourth degree in the length of a part."""
-    table = np.zeros(5)
-    for count in range(1, 6):
-        found = refined(table, 0, count, np.polyval([5.0, -3.0, 2.0, 7.0, 0.25], 1.0 / count))
-    assert found == pytest.approx(0.25, abs=1e-12)
