@@ -28,9 +28,10 @@ ANGLE = 1e-5  # tangent of the angle for derivatives by directions
 MOST_SWEEPS = 40
 MOST_TOGETHER = 32  # elements whose directions are corrected together
 EXACT = 1e-13  # of natural units, change by a sweep after which no other is needed
+SHARE = 1e-2  # of the error of a motion that is enough, the same
 CONVERGED = 1e-11  # the same where sweeps change no less, because of round-off
 DIVERGED = 1e3
-MISSED = 2e-3  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
+MISSED = 5e-4  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
 EARLY = 0.1  # of what is missed, a change by a sweep after which a length that is too long is known to be so
 
 
@@ -43,13 +44,14 @@ def collocated(
     """
     across, along, error, change, last = zeros(STAGES * c.pairs), zeros(STAGES * c.pairs), math.inf, 0.0, math.inf
     projected, time = zeros(c.size), zeros(1)
+    exact = max(EXACT, SHARE * enough) if enough < math.inf else EXACT
     guess(c, s, length)
     for _ in range(MOST_SWEEPS):
         change = sweep(c, s, y, inputs, t, length, across, along)
         if not change < DIVERGED:
             return math.inf
         error = MISSED * length * missed(c, s)
-        if change <= EXACT or (change <= CONVERGED and change > 0.5 * last):
+        if change <= exact or (change <= CONVERGED and change > 0.5 * last):
             break
         if error > enough and change < EARLY * error / MISSED:
             break

@@ -41,7 +41,8 @@ from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 from mbd_sim.simulation.contact.compiled.sliding import Sliding, forward
 
 ITERATIONS = 80
-BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
+BACKTRACK = 2.0**-4  # of a length, in search of a positive value after a start at zero
+BACKTRACKS = 10
 # Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
 # values and rates falls by less than 8/27 of it.
 FALLING = 10.0
@@ -185,7 +186,7 @@ def first_zero(
         probe = length
         count = 0
         while count < BACKTRACKS:
-            probe *= 0.5
+            probe *= BACKTRACK
             found = value_of(c, m, probe, what, index)
             if found > tolerance:
                 low, f_low = probe, found
