@@ -200,6 +200,8 @@ def sweep(
                 across[row] = slip(c, readings, k, 1) * x - slip(c, readings, k, 0) * z
                 along[row] = slip(c, readings, k, 0) * x + slip(c, readings, k, 1) * z
                 found = max(found, abs(across[row]) / c.unit_speed)
+                if s.crossed[0] == 0 and along[row] < 0.0:
+                    s.crossed[0] = stage
                 row += 1
     return found
 

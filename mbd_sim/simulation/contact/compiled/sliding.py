@@ -22,7 +22,7 @@ class Sliding:
     change with the direction of each element that turns by `turned` (pairs, speeds) in 1/s² or m/s² per rad, and those
     of slip across the directions by `effects` (pairs, pairs) in m/s² per rad. The `known` slopes and `known_turns` are
     those of a motion of the length `base[0]`, if that is positive. The first node at which a guard is negative that is
-    not among those `left_out` (guards,) is `crossed[0]`, or 0.
+    not among those `left_out` (guards,), or a slip has reversed, is `crossed[0]`, or 0.
     """
 
     all: Integers
@@ -72,18 +72,10 @@ def change_of_slip(c: Contacts, before: Array, after: Array, element: int) -> fl
     return hypot(x, slip(c, after, element, 1) - slip(c, before, element, 1))
 
 
-def forward(c: Contacts, before: Array, readings: Array, element: int) -> float:
-    """The slip velocity of friction along two directions, times that at the start."""
-    found = 0.0
-    for direction in range(2):
-        found += slip(c, before, element, direction) * slip(c, readings, element, direction)
-    return found
-
-
-def across(c: Contacts, before: Array, readings: Array, element: int) -> float:
-    """The slip velocity across that at the start, times the speed there."""
-    x, y = slip(c, before, element, 0), slip(c, before, element, 1)
-    return slip(c, readings, element, 1) * x - slip(c, readings, element, 0) * y
+def forward(c: Contacts, s: Sliding, readings: Array, element: int) -> float:
+    """The slip velocity of friction along its direction at the start."""
+    x, y = s.directions[2 * element], s.directions[2 * element + 1]
+    return slip(c, readings, element, 0) * x + slip(c, readings, element, 1) * y
 
 
 def with_directions(c: Contacts, s: Sliding, inputs: Array, directions: Array) -> None:

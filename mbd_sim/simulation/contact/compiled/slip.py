@@ -36,7 +36,6 @@ from mbd_sim.simulation.contact.compiled.search import (
 from mbd_sim.simulation.contact.compiled.sliding import (
     STAGES,
     Sliding,
-    across,
     change_of_slip,
     forward,
     is_pair,
@@ -112,6 +111,9 @@ def stage_within(
         y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
         zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
     )  # fmt: skip
+    if pairs and is_crossed(c, before, left_out):  # by a jump of a force, from which it may recover soon
+        found[0], found[1], found[2] = 0.0, 0.0, math.inf
+        return EVENT
     m.span[0] = min(length, first_length)
     found[2] = LONGER * m.span[0] if first_length < length else math.inf
     if pairs:
@@ -158,6 +160,11 @@ def find_sliding(c: Contacts, inputs: Array, s: Sliding, left_out: Integers) -> 
         s.all[k] = is_pair(c, k) and slides(c, inputs, k)
         if s.all[k]:
             left_out[c.gaps + k] = 1
+
+
+def is_crossed(c: Contacts, readings: Array, left_out: Integers) -> bool:
+    """Whether a guard is negative that is not left out."""
+    return any(readings[guard_at(c, k)] < -c.tolerance and not left_out[k] for k in range(c.guards))
 
 
 def not_finite(c: Contacts, m: TrialPart) -> bool:
@@ -268,7 +275,7 @@ def length_to_stop(c: Contacts, m: TrialPart, length: float, ahead: Array) -> fl
     for k in range(c.frictions):
         speed = speed_of(c, m.before, k)
         if m.sliding.turning[k] and speed > c.slow:
-            slowing = (speed - forward(c, m.before, ahead, k) / speed) / length
+            slowing = (speed - forward(c, m.sliding, ahead, k)) / length
             if slowing > 0.0:
                 found = min(found, BEYOND * speed / slowing)
     return found
@@ -387,11 +394,13 @@ def length_resolved(c: Contacts, m: TrialPart, length: float) -> float:
 
 def stop_of(c: Contacts, m: TrialPart) -> float:
     """Where a slip along two directions stops, at which the motion then ends: that beyond a stop means nothing."""
-    first = NONE
+    first, found = NONE, 0.0
     for k in range(c.frictions):
-        if m.sliding.all[k] and m.span[0] > 0.0 and speed_of(c, m.before, k) > c.slow:
-            start, last = forward(c, m.before, m.before, k), forward(c, m.before, m.after, k)
+        if m.sliding.all[k] and m.span[0] > 0.0:
+            start, last = forward(c, m.sliding, m.before, k), forward(c, m.sliding, m.after, k)
             if last < 0.0:
-                first = first_zero(c, m, FORWARD, k, m.span[0], start, last, 0.0)
+                found = first_zero(c, m, FORWARD, k, m.span[0], start, last, 0.0)
+            if last < 0.0 and found > 0.0:  # otherwise it has not begun
+                first = found
                 finish(c, m, first)
     return first
