@@ -30,7 +30,6 @@ from mbd_sim.simulation.contact.compiled.search import (
     first_event,
     first_zero,
     has_failed,
-    readings_at,
     try_length,
 )
 from mbd_sim.simulation.contact.compiled.sliding import (
@@ -52,7 +51,6 @@ NOISE = 1e-15  # of the natural speed, in slip
 SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
 LEAST = 0.05  # of a length whose error is too large
-TURNS = 0.5  # of the time in which friction can turn a slip, a length beyond which its direction is an unknown
 BEYOND = 1.02  # of the length up to a stop, as the slopes at the start tell it, that a motion may have
 NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
 ACCURATE = 1e-9  # of natural units, error of such a motion
@@ -94,9 +92,9 @@ def stage_within(
     for guard in range(c.guards):
         left_out[guard] = ignored[guard]
     s = Sliding(
-        integers(c.frictions), left_out, integers(c.frictions), integers(1), integers(1), zeros(2 * c.frictions), zeros(count), zeros(count),
-        zeros(many * c.size), zeros(2 * many * c.frictions), zeros(pairs * c.speeds), zeros(pairs * pairs),
-        zeros(many * c.size), zeros(2 * many * c.frictions), zeros(1),
+        integers(c.frictions), left_out, integers(c.frictions), integers(1), integers(1), zeros(2 * c.frictions),
+        zeros(count), zeros(count), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(pairs * c.speeds),
+        zeros(pairs * pairs), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(1),
     )  # fmt: skip
     own, n = inputs, readings_size(c)
     before = zeros(n)
@@ -205,11 +203,10 @@ def follow(c: Contacts, m: TrialPart, following: float) -> float:
     read(c, m.t, m.y, m.inputs, m.before)
     read_poses(c, m.t, m.y, m.inputs, m.places_before)
     m.latest[0] = NONE
-    if not find_fast(c, m, length, STIFF):
+    if not find_fast(c, m, length):
         finish(c, m, length)
         if not find_turning(c, m, length):
             return following
-    find_fast(c, m, length, TURNS)
     if begin_slopes(c, m.sliding, m.y, m.inputs, m.t):
         ahead = zeros(readings_size(c))
         begin_ahead(c, m, length, ahead)
@@ -225,13 +222,13 @@ def follow(c: Contacts, m: TrialPart, following: float) -> float:
     return AS_LONG * m.span[0]
 
 
-def find_fast(c: Contacts, m: TrialPart, length: float, most: float) -> bool:
-    """Find the elements that friction could turn fast within a length, and those that begin to slide."""
+def find_fast(c: Contacts, m: TrialPart, length: float) -> bool:
+    """Find the elements that friction could turn by much within a length, and those that begin to slide."""
     s, found = m.sliding, False
     for k in range(c.frictions):
         s.turning[k] = 0
         if s.all[k]:
-            s.turning[k] = speed_of(c, m.before, k) <= c.slow or length * turning_at(c, m.before, k) > most
+            s.turning[k] = speed_of(c, m.before, k) <= c.slow or length * turning_at(c, m.before, k) > STIFF
             found = found or s.turning[k] != 0
             for direction in range(2):
                 s.directions[2 * k + direction] = m.inputs[direction_at(c, c.friction_rows[2 * k + direction])]
@@ -239,13 +236,13 @@ def find_fast(c: Contacts, m: TrialPart, length: float, most: float) -> bool:
 
 
 def find_turning(c: Contacts, m: TrialPart, length: float) -> bool:
-    """Whether a slip changes, or could turn, by much within a length."""
+    """Find also those whose slip changes by much within a length, or could turn at its end."""
     s, found = m.sliding, False
     for k in range(c.frictions):
         if s.all[k]:
-            speed, rate = speed_of(c, m.before, k), max(turning_at(c, m.before, k), turning_at(c, m.after, k))
-            change = change_of_slip(c, m.before, m.after, k)
-            found = found or change > TURNING * speed or (speed > c.slow and length * rate > STIFF)
+            speed, change = speed_of(c, m.before, k), change_of_slip(c, m.before, m.after, k)
+            s.turning[k] = change > TURNING * speed or length * turning_at(c, m.after, k) > STIFF
+            found = found or s.turning[k] != 0
     return found
 
 
@@ -270,7 +267,7 @@ def may_keep_straight(c: Contacts, m: TrialPart, ahead: Array) -> bool:
 
 
 def length_to_stop(c: Contacts, m: TrialPart, length: float, ahead: Array) -> float:
-    """A length, or if the slopes at the start bring a slip that turns to a stop earlier, little more than up to that."""
+    """A length, or little more than that up to a stop of a slip that turns, as the slopes at the start tell it."""
     found = length
     for k in range(c.frictions):
         speed = speed_of(c, m.before, k)

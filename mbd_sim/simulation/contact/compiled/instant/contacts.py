@@ -25,10 +25,11 @@ class Contacts:
 
     Where the contacts are not `simple`, all events are left to `decide`.
 
-    Addresses: `advance` to the next event, `part_step`, `start` of a step, `project`, `readings`, `poses`, `terms`, `response`, `restitution`,
-    `joint_loads`, and `energies`, which is 0 where these need not be known at impacts: where nothing is `driven`, and
-    nobody observes them. `decide` makes the changes of an event that is not simple, and `note` takes the events that
-    have been recorded; where they are 0, such steps are left to others, and events are forgotten.
+    Addresses: `advance` to the next event, `part_step`, `start` (slopes and readings), `project` onto the constraints,
+    `readings`, `poses`, `terms`, `response`, `restitution`, `joint_loads`, and `energies`, which is 0 where these need
+    not be known at impacts: where nothing is `driven`, and nobody observes them. `decide` makes the changes of an event
+    that is not simple, and `note` takes the events that have been recorded; where they are 0, such steps are left to
+    others, and events are forgotten.
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
     that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. There are
