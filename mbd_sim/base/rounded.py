@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from decimal import Context, Decimal, localcontext
 from fractions import Fraction
 
@@ -200,6 +201,36 @@ def gauss_legendre(count: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
             nodes.append(float(x))
             weights.append(float(2 / ((1 - x * x) * slope * slope)))
     return tuple(nodes), tuple(weights)
+
+
+@functools.cache
+def radau(count: int) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
+    """The nodes c of the Radau IIA method in (0, 1], and its coefficients a: ∫₀^cᵢ of the Lagrange polynomial of cⱼ."""
+    nodes, rows = list[Decimal](), list[tuple[float, ...]]()
+    with localcontext() as context:
+        context.prec = 40
+        for index in range(count - 1, 0, -1):
+            x = Decimal(math.cos(math.pi * (index + 0.25) / count))
+            for _ in range(6):  # Newton's method doubles the digits each time
+                (value, slope), (last_value, last_slope) = _legendre(count, x), _legendre(count - 1, x)
+                x -= (value - last_value) / (slope - last_slope)
+            nodes.append((1 + x) / 2)
+        nodes.append(Decimal(1))
+        polynomials = [_lagrange(nodes, index) for index in range(count)]
+        for node in nodes:
+            terms = ([part * node ** (k + 1) / (k + 1) for k, part in enumerate(each)] for each in polynomials)
+            rows.append(tuple(float(sum(each, Decimal(0))) for each in terms))
+    return tuple(map(float, nodes)), tuple(rows)
+
+
+def _lagrange(nodes: Sequence[Decimal], index: int) -> list[Decimal]:
+    """The coefficients of the polynomial that is 1 at one node and 0 at all others, that of x⁰ first."""
+    found = [Decimal(1)]
+    for other, node in enumerate(nodes):
+        if other != index:
+            size = nodes[index] - node
+            found = [(a - node * b) / size for a, b in zip([Decimal(0), *found], [*found, Decimal(0)], strict=True)]
+    return found
 
 
 def _legendre(count: int, x: Decimal) -> tuple[Decimal, Decimal]:

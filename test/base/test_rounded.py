@@ -126,3 +126,14 @@ def test_quadrature_is_exact_for_polynomials(count):
     for power in range(2 * count):
         integral = sum(Fraction(w) * Fraction(x) ** power for x, w in zip(nodes, weights, strict=True))
         assert float(integral) == pytest.approx(2.0 / (power + 1) if power % 2 == 0 else 0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("count", (2, 5))
+def test_radau_integrates_polynomials(count):
+    """Those of degree below the number of nodes up to each, and below twice that less one up to the end."""
+    nodes, rows = rounded.radau(count)
+    for power in range(2 * count - 1):
+        for node, row in zip(nodes, rows, strict=True):
+            found = sum(a * c**power for a, c in zip(row, nodes, strict=True))
+            if power < count or node == 1.0:
+                assert found == pytest.approx(node ** (power + 1) / (power + 1), abs=2e-16)

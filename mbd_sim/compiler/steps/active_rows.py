@@ -11,7 +11,7 @@ from functools import partial
 
 import casadi as ca
 
-from mbd_sim.compiler.ir.builder import FALSE, IRBuilder, element, local_array, number
+from mbd_sim.compiler.ir.builder import FALSE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import load, loop, store
@@ -308,8 +308,29 @@ def emit_one_sided(
     builder = IRBuilder(exported.append_basic_block("entry"))
     builder.call(solved(module, "solved_readings", contact, [readings], watches=True), exported.args)
     builder.ret_void()
+    _emit_parts_of_steps(module, closed, guards, reports=reports)
     still = frozenset(component for component in zero_components(program) if component >= system.error_size)
     return emit_one_sided_advance(module, replace(system, still=still), closed, steps, guards)
+
+
+def _emit_parts_of_steps(module: Module, closed: System, guards: Guards, *, reports: bool) -> None:
+    """Emit what a method needs that is not emitted here: slopes with readings, and the projection.
+
+    `i64 start_contacts(t, y, inputs, slopes, readings)` is -1 where the constraints are ill-conditioned, otherwise 1.
+    `void project_contacts(t, y, inputs, out)` moves a state back to all constraints.
+    """
+    start = Function(module, FunctionType(INT, [POINTER] * 5), "start_contacts")
+    b = IRBuilder(start.append_basic_block("entry"))
+    margin = local_array(b, 1)
+    store(b, number(0.0), margin, 0)
+    b.call(guards.closed_start, [*start.args, *([margin] if reports else [])])
+    is_good = b.fcmp_ordered(">=", load(b, margin, 0), number(0.0))
+    b.ret(b.select(is_good, integer(1), integer(-1)))
+    project = Function(module, FunctionType(VOID, [POINTER] * 4), "project_contacts")
+    b = IRBuilder(project.append_basic_block("entry"))
+    assert closed.projection is not None
+    b.call(closed.projection, project.args)
+    b.ret_void()
 
 
 def _within_reach(module: Module, project: Function, farthest: Sequence[float]) -> Function:

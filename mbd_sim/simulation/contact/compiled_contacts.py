@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.rounded import radau
 from mbd_sim.compiler.ir.python_kinds import address_of, packed, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.simulation.contact.compiled import step
 from mbd_sim.simulation.contact.compiled.instant.contacts import DECIDE, Contacts
 from mbd_sim.simulation.contact.compiled.library import library
+from mbd_sim.simulation.contact.compiled.sliding import STAGES
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 
@@ -82,6 +84,7 @@ class CompiledContacts:
             frictions=len(model.frictions),
             guards=model.guard_count,
             pairs=len(model.pairs),
+            radau=_radau(),
             decide=0,
             note=0,
             **self._bodies(),
@@ -235,12 +238,20 @@ def _addresses(model: OneSidedModel, kernel: Kernel) -> dict[str, Any]:
     return {
         "advance": kernel.code.address("advance_to_event"),
         "part_step": kernel.code.address("part_step"),
+        "start": kernel.code.address("start_contacts"),
+        "project": kernel.code.address("project_contacts"),
         "readings": kernel.code.address("read_contacts"),
         "terms": kernel.reader_address("contact_terms"),
         "response": kernel.reader_address("contact_response"),
         "restitution": kernel.reader_address("restitution"),
         "joint_loads": kernel.reader_address("joint_loads") if model.loaded else 0,
     }
+
+
+def _radau() -> Array:
+    """The nodes of collocation, after 0, and its coefficients."""
+    nodes, rows = radau(STAGES)
+    return np.array([0.0, *nodes, *(value for row in rows for value in row)])
 
 
 def _friction(model: OneSidedModel) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from mbd_sim.compiler.code.host_module import new_module
 from mbd_sim.compiler.code.machine_code import compile_once
 from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
-from mbd_sim.simulation.contact.compiled import extrapolation, members, pairs, search, sliding, slip, step
+from mbd_sim.simulation.contact.compiled import collocation, members, pairs, search, sliding, slip, step
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
     crossings,
@@ -35,9 +35,9 @@ from mbd_sim.simulation.contact.compiled.instant import candidate_forces, contac
 MODULES: tuple[ModuleType, ...] = (
     barrels,
     candidate_forces,
+    collocation,
     contacts,
     crossings,
-    extrapolation,
     flat_rims,
     forces,
     impact,

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.extrapolation import extrapolated
+from mbd_sim.simulation.contact.compiled.collocation import collocated
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     PART_STEP,
     Contacts,
@@ -41,7 +41,9 @@ from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 from mbd_sim.simulation.contact.compiled.sliding import Sliding, forward
 
 ITERATIONS = 80
-BACKTRACKS = 40  # halvings in search of a positive value after a start at zero
+NEAREST_START = 2.0**-40  # of a length, up to which a positive value is sought after a start at zero
+BACKTRACK = 0.5  # of a length, in this search
+LONG_BACKTRACK = 2.0**-4  # the same in motions that are found by collocation, which cost more
 # Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
 # values and rates falls by less than 8/27 of it.
 FALLING = 10.0
@@ -103,11 +105,10 @@ def finish(c: Contacts, m: TrialPart, length: float) -> None:
 
 def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Array, places: Array) -> None:
     """The state, the readings and the poses after a length in s."""
-    sequences = m.sliding.sequences[0]
     for i in range(c.size):
         state[i] = m.y[i]
-    if length != 0.0 and sequences > 0:
-        if extrapolated(c, m.sliding, m.y, m.inputs, m.t, length, sequences, 0.0, state) > 0.0:
+    if length != 0.0 and m.sliding.is_collocated[0]:
+        if not math.isfinite(collocated(c, m.sliding, m.y, m.inputs, m.t, length, math.inf, state)):
             m.failed[0] = 1
     elif length != 0.0 and PART_STEP(c.part_step, state, m.inputs, m.t, length) < 0:
         m.failed[0] = 1
@@ -150,7 +151,7 @@ def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) ->
     if what == RATE:
         return -readings[rate_at(c, index)]
     if what == FORWARD:
-        return forward(c, m.before, readings, index)
+        return forward(c, m.sliding, readings, index)
     pair, places = pair_at(c, index), places_at(c, m, length)
     if what == APART:
         return distance_at(pair, places)
@@ -183,23 +184,21 @@ def first_zero(
     """
     low, f_low, high, f_high = 0.0, start, length, end
     if not f_low > tolerance:
-        probe = length
-        count = 0
-        while count < BACKTRACKS:
-            probe *= 0.5
+        probe, share = length, LONG_BACKTRACK if m.sliding.is_collocated[0] else BACKTRACK
+        while probe > NEAREST_START * length:
+            probe *= share
             found = value_of(c, m, probe, what, index)
             if found > tolerance:
                 low, f_low = probe, found
                 break
             high, f_high = probe, found
-            count += 1
-        if count == BACKTRACKS:
+        if low == 0.0:
             return 0.0
     best, least, enough = high, abs(f_high), ENOUGH * c.accuracy if what in (BESIDE, FEATURES) else 0.0
     if abs(f_low) < abs(f_high):
         best, least = low, f_low
     if what == FORWARD:  # up to a slip that has no direction
-        enough = c.slow * math.sqrt(start)
+        enough = c.slow
     side = 0
     for count in range(ITERATIONS):
         middle = (low * f_high - high * f_low) / (f_high - f_low)

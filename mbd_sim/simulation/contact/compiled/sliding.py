@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from mbd_sim.compiler.ir.python_kinds import Array, Integers
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, direction_at, rate_at
 
+STAGES = 5  # of a motion in which friction turns slip
 FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
 
 
@@ -16,15 +17,29 @@ class Sliding:
     """The friction elements that slide along two directions: 1 in `all`, and in `turning` if friction turns their slip.
 
     Their `directions` (2 frictions,) at the start can be constant in a motion with other inputs, `given`; `inputs` are
-    those of the motion that is followed. If `sequences[0]` is positive, that is extrapolated from so many.
+    those of the motion that is followed. If `is_collocated[0]` is 1, that is found by collocation: the `slopes` (stages
+    + 1, n) at the start and at the nodes, with the directions `turns` (stages + 1, 2 frictions). The rates of speeds
+    change with the direction of each element that turns by `turned` (pairs, speeds) in 1/s² or m/s² per rad, and those
+    of slip across the directions by `effects` (pairs, pairs) in m/s² per rad. The `known` slopes and `known_turns` are
+    those of a motion of the length `base[0]`, if that is positive. The first node at which a guard is negative that is
+    not among those `left_out` (guards,), or a slip has reversed, is `crossed[0]`, or 0.
     """
 
     all: Integers
+    left_out: Integers
     turning: Integers
-    sequences: Integers
+    is_collocated: Integers
+    crossed: Integers
     directions: Array
     given: Array
     inputs: Array
+    slopes: Array
+    turns: Array
+    turned: Array
+    effects: Array
+    known: Array
+    known_turns: Array
+    base: Array
 
 
 def is_pair(c: Contacts, element: int) -> bool:
@@ -57,18 +72,10 @@ def change_of_slip(c: Contacts, before: Array, after: Array, element: int) -> fl
     return hypot(x, slip(c, after, element, 1) - slip(c, before, element, 1))
 
 
-def forward(c: Contacts, before: Array, readings: Array, element: int) -> float:
-    """The slip velocity of friction along two directions, times that at the start."""
-    found = 0.0
-    for direction in range(2):
-        found += slip(c, before, element, direction) * slip(c, readings, element, direction)
-    return found
-
-
-def across(c: Contacts, before: Array, readings: Array, element: int) -> float:
-    """The slip velocity across that at the start, times the speed there."""
-    x, y = slip(c, before, element, 0), slip(c, before, element, 1)
-    return slip(c, readings, element, 1) * x - slip(c, readings, element, 0) * y
+def forward(c: Contacts, s: Sliding, readings: Array, element: int) -> float:
+    """The slip velocity of friction along its direction at the start."""
+    x, y = s.directions[2 * element], s.directions[2 * element + 1]
+    return slip(c, readings, element, 0) * x + slip(c, readings, element, 1) * y
 
 
 def with_directions(c: Contacts, s: Sliding, inputs: Array, directions: Array) -> None:

@@ -9,7 +9,7 @@ import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
-from mbd_sim.simulation.contact.compiled.extrapolation import MOST_SEQUENCES, extrapolated
+from mbd_sim.simulation.contact.compiled.collocation import begin_slopes, collocated, find_effects, remember
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     Contacts,
     direction_at,
@@ -30,12 +30,11 @@ from mbd_sim.simulation.contact.compiled.search import (
     first_event,
     first_zero,
     has_failed,
-    readings_at,
     try_length,
 )
 from mbd_sim.simulation.contact.compiled.sliding import (
+    STAGES,
     Sliding,
-    across,
     change_of_slip,
     forward,
     is_pair,
@@ -46,23 +45,15 @@ from mbd_sim.simulation.contact.compiled.sliding import (
 
 STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
 STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
+CURVED = 1e-8  # part of a change of slip across it, with the slopes at the start, beyond which it is not straight
 STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its direction
 NOISE = 1e-15  # of the natural speed, in slip
 SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
-FAST = 24.0  # stable steps, beyond which motion in which friction turns slip is extrapolated
-SLOW_FAST = 2.0  # the same for slips that are all below `SMALL`: few sequences are enough
-SMALL = 5e-4  # of the natural speed
-SLOWED = 0.1  # of its speed, down to which a slip may become slower in such a motion
-TURNED = 1e-9  # of the natural speed, slip times the square of an angle by which friction still turns it
-AMONG_FASTEST = 0.1  # of the rate at which friction turns some slip, from which on that matters
-BEYOND = 1.5  # of the length up to a stop: how far it may go beyond that where the slip counts as zero
-FEW = 3  # sequences, beyond which an event is approached: its search takes many such motions
-APPROACHED = 0.9  # of the length up to an event, in which others may be sought
-MOST_APPROACHES = 4
+LEAST = 0.05  # of a length whose error is too large
+BEYOND = 1.02  # of the length up to a stop, as the slopes at the start tell it, that a motion may have
 NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
 ACCURATE = 1e-9  # of natural units, error of such a motion
-BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
 LONGER = 4.0  # than the last part of a step that a next one may be
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
 UNHELD = (
@@ -95,16 +86,20 @@ def stage_within(
     c: Contacts, y: Array, inputs: Array, t: float, length: float, first_length: float, ignored: Integers, found: Array
 ) -> int:
     """As `stage`, without another attempt where the state is not finite."""
-    count = c.inputs if c.pairs else 0
-    s = Sliding(
-        integers(c.frictions), integers(c.frictions), integers(1), zeros(2 * c.frictions), zeros(count), zeros(count),
-    )  # fmt: skip
+    pairs = number_sliding(c, inputs)
+    count, many = c.inputs if pairs else 0, STAGES + 1 if pairs else 0
     left_out, cause, first = integers(c.guards), integers(1), NONE
     for guard in range(c.guards):
         left_out[guard] = ignored[guard]
-    own, is_sliding, n = inputs, find_sliding(c, inputs, s, left_out), readings_size(c)
+    s = Sliding(
+        integers(c.frictions), left_out, integers(c.frictions), integers(1), integers(1), zeros(2 * c.frictions),
+        zeros(count), zeros(count), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(pairs * c.speeds),
+        zeros(pairs * pairs), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(1),
+    )  # fmt: skip
+    own, n = inputs, readings_size(c)
     before = zeros(n)
-    if is_sliding:
+    if pairs:
+        find_sliding(c, inputs, s, left_out)
         read(c, t, y, inputs, before)
         turn(c, before, inputs, s)
         for i in range(count):
@@ -114,12 +109,16 @@ def stage_within(
         y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
         zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
     )  # fmt: skip
-    begin(c, m, min(length, first_length))
+    if pairs and is_crossed(c, before, left_out):  # by a jump of a force, from which it may recover soon
+        found[0], found[1], found[2] = 0.0, 0.0, math.inf
+        return EVENT
+    m.span[0] = min(length, first_length)
     found[2] = LONGER * m.span[0] if first_length < length else math.inf
-    if is_sliding:
-        if follow(c, m, length, left_out):
-            found[2] = AS_LONG * m.span[0]
+    if pairs:
+        found[2] = follow(c, m, found[2])
         first = stop_of(c, m)
+    else:
+        begin(c, m, m.span[0])
     if not_finite(c, m):
         return FAILED
     first = first_event(c, m, first, left_out, cause)
@@ -144,15 +143,26 @@ def take(c: Contacts, m: TrialPart, y: Array, first: float, found: Array) -> int
     return EVENT if first >= 0.0 else ENDS
 
 
-def find_sliding(c: Contacts, inputs: Array, s: Sliding, left_out: Integers) -> bool:
+def number_sliding(c: Contacts, inputs: Array) -> int:
+    """How many elements slide along two directions."""
+    found = 0
+    for k in range(c.frictions):
+        if is_pair(c, k) and slides(c, inputs, k):
+            found += 1
+    return found
+
+
+def find_sliding(c: Contacts, inputs: Array, s: Sliding, left_out: Integers) -> None:
     """Find what slides along two directions; the guards of its friction are left out."""
-    found = False
     for k in range(c.frictions):
         s.all[k] = is_pair(c, k) and slides(c, inputs, k)
         if s.all[k]:
-            found = True
             left_out[c.gaps + k] = 1
-    return found
+
+
+def is_crossed(c: Contacts, readings: Array, left_out: Integers) -> bool:
+    """Whether a guard is negative that is not left out."""
+    return any(readings[guard_at(c, k)] < -c.tolerance and not left_out[k] for k in range(c.guards))
 
 
 def not_finite(c: Contacts, m: TrialPart) -> bool:
@@ -184,51 +194,87 @@ def turn(c: Contacts, readings: Array, inputs: Array, s: Sliding) -> None:
                     inputs[at] = slip(c, readings, k, direction) / speed
 
 
-def follow(c: Contacts, m: TrialPart, length: float, left_out: Integers) -> bool:
-    """Take the motion in which slips do not turn much, keep their directions, or are turned fast by friction.
+def follow(c: Contacts, m: TrialPart, following: float) -> float:
+    """Take the motion in which slips do not turn much, keep their directions, or are turned by friction.
 
-    The result is whether turning limits its length.
+    The result is the length to try next, which is `following` where turning does not limit that.
     """
-    if not find_turning(c, m, m.span[0]) or keeps_straight(c, m):
-        return False
-    longest = fast_length(c, m, length)
-    for _ in range(MOST_APPROACHES):
-        if not along_turning(c, m, longest):
-            resolve_turning(c, m)
-            return True
-        if m.sliding.sequences[0] <= FEW or not is_crossed(c, m, left_out):
-            break
-        longest = APPROACHED * first_crossing(c, m, left_out)
-    return False
+    length = m.span[0]
+    read(c, m.t, m.y, m.inputs, m.before)
+    read_poses(c, m.t, m.y, m.inputs, m.places_before)
+    m.latest[0] = NONE
+    if not find_fast(c, m, length):
+        finish(c, m, length)
+        if not find_turning(c, m, length):
+            return following
+    if begin_slopes(c, m.sliding, m.y, m.inputs, m.t):
+        ahead = zeros(readings_size(c))
+        begin_ahead(c, m, length, ahead)
+        if may_keep_straight(c, m, ahead) and keeps_straight(c, m):
+            return following
+        find_effects(c, m.sliding, m.y, m.inputs, m.t, length)
+        longer = along_turning(c, m, length_to_stop(c, m, length, ahead))
+        if longer > 0.0:
+            return longer
+    m.failed[0] = 0
+    finish(c, m, length)
+    resolve_turning(c, m)
+    return AS_LONG * m.span[0]
 
 
-def is_crossed(c: Contacts, m: TrialPart, left_out: Integers) -> bool:
-    """Whether a guard is negative at the end."""
-    return any(m.after[guard_at(c, k)] < -c.tolerance and not left_out[k] for k in range(c.guards))
-
-
-def first_crossing(c: Contacts, m: TrialPart, left_out: Integers) -> float:
-    """About when a guard becomes negative, from its values at both ends."""
-    share = 1.0
-    for k in range(c.guards):
-        start, end = m.before[guard_at(c, k)], m.after[guard_at(c, k)]
-        if end < -c.tolerance and not left_out[k] and start > 0.0:
-            share = min(share, start / (start - end))
-    return share * m.span[0]
-
-
-def find_turning(c: Contacts, m: TrialPart, length: float) -> bool:
-    """Find the elements whose slip changes, or could turn, by much within a length; also those that begin to slide."""
+def find_fast(c: Contacts, m: TrialPart, length: float) -> bool:
+    """Find the elements that friction could turn by much within a length, and those that begin to slide."""
     s, found = m.sliding, False
     for k in range(c.frictions):
         s.turning[k] = 0
         if s.all[k]:
-            speed, rate = speed_of(c, m.before, k), max(turning_at(c, m.before, k), turning_at(c, m.after, k))
-            change = change_of_slip(c, m.before, m.after, k)
-            s.turning[k] = change > TURNING * speed or (speed > c.slow and length * rate > STIFF)
+            s.turning[k] = speed_of(c, m.before, k) <= c.slow or length * turning_at(c, m.before, k) > STIFF
             found = found or s.turning[k] != 0
             for direction in range(2):
                 s.directions[2 * k + direction] = m.inputs[direction_at(c, c.friction_rows[2 * k + direction])]
+    return found
+
+
+def find_turning(c: Contacts, m: TrialPart, length: float) -> bool:
+    """Find also those whose slip changes by much within a length, or could turn at its end."""
+    s, found = m.sliding, False
+    for k in range(c.frictions):
+        if s.all[k]:
+            speed, change = speed_of(c, m.before, k), change_of_slip(c, m.before, m.after, k)
+            s.turning[k] = change > TURNING * speed or length * turning_at(c, m.after, k) > STIFF
+            found = found or s.turning[k] != 0
+    return found
+
+
+def begin_ahead(c: Contacts, m: TrialPart, length: float, ahead: Array) -> None:
+    """The readings after a length with the slopes at the start."""
+    state = zeros(c.size)
+    for i in range(c.size):
+        state[i] = m.y[i] + length * m.sliding.slopes[i]
+    read(c, m.t + length, state, m.inputs, ahead)
+
+
+def may_keep_straight(c: Contacts, m: TrialPart, ahead: Array) -> bool:
+    """Whether slips that turn could keep their directions, as the slopes at the start tell it."""
+    noise = NOISE * c.unit_speed
+    for k in range(c.frictions):
+        if m.sliding.turning[k]:
+            x, y = m.sliding.directions[2 * k], m.sliding.directions[2 * k + 1]
+            most = abs(x * slip(c, ahead, k, 1) - y * slip(c, ahead, k, 0))
+            if most > CURVED * change_of_slip(c, m.before, ahead, k) + noise:
+                return False
+    return True
+
+
+def length_to_stop(c: Contacts, m: TrialPart, length: float, ahead: Array) -> float:
+    """A length, or little more than that up to a stop of a slip that turns, as the slopes at the start tell it."""
+    found = length
+    for k in range(c.frictions):
+        speed = speed_of(c, m.before, k)
+        if m.sliding.turning[k] and speed > c.slow:
+            slowing = (speed - forward(c, m.sliding, ahead, k)) / length
+            if slowing > 0.0:
+                found = min(found, BEYOND * speed / slowing)
     return found
 
 
@@ -271,62 +317,37 @@ def take_motion(c: Contacts, m: TrialPart, fixed: TrialPart) -> None:
     m.latest[0] = NONE
 
 
-def fast_length(c: Contacts, m: TrialPart, length: float) -> float:
-    """The length of a motion in which friction turns slip many times and does not stop it.
+def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
+    """Take a motion in which friction turns slips, for a length in which it is accurate; what length to try next.
 
-    It is 0 where friction turns slip slowly, or has not yet turned it to the direction that changes slowly.
+    The result is 0 where there is none.
     """
-    s, fastest, begins, soon, largest = m.sliding, 0.0, False, m.out, 0.0
-    for k in range(c.frictions):
-        speed = speed_of(c, m.before, k)
-        if s.turning[k] and speed <= c.slow:
-            begins = True
-        elif s.turning[k]:
-            largest = max(largest, speed)
-            fastest = max(fastest, turning_at(c, m.before, k) / STIFF)
-    many = SLOW_FAST if largest <= SMALL * c.unit_speed else FAST
-    if fastest * length > many:
-        soon = readings_at(c, m, BRIEF / fastest)
-        for k in range(c.frictions):
-            speed = speed_of(c, m.before, k)
-            if s.turning[k] and speed > c.slow:
-                slowing = (speed - forward(c, m.before, soon, k) / speed) * fastest / BRIEF
-                turning = turning_at(c, m.before, k)
-                angle = across(c, m.before, soon, k) / (speed * speed) * fastest / BRIEF / turning
-                if turning > AMONG_FASTEST * STIFF * fastest and speed * angle * angle > TURNED * c.unit_speed:
-                    return 0.0
-                if slowing > 0.0:
-                    stops = speed <= STOPPED * c.unit_speed
-                    length = min(length, (BEYOND if stops else 1.0 - SLOWED) * speed / slowing)
-    return length if begins or fastest * length > many else 0.0
-
-
-def along_turning(c: Contacts, m: TrialPart, length: float) -> bool:
-    """Take a motion in which friction turns slips fast, for a length in which it is accurate; whether there is one."""
-    s, error, shortest = m.sliding, 0.0, SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
+    s, shortest = m.sliding, SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
     while length > shortest:
-        error = extrapolated(c, s, m.y, m.inputs, m.t, length, MOST_SEQUENCES, ACCURATE, m.end)
+        error, share = collocated(c, s, m.y, m.inputs, m.t, length, ACCURATE, m.end), SHORTENING
+        if math.isfinite(error):
+            share = share_with(error)
+            remember(c, s, length)
         if error <= ACCURATE:
             read(c, m.t + length, m.end, m.inputs, m.after)
-            if turns_little(c, m):
+            if 0 < s.crossed[0] < STAGES:
+                share = c.radau[s.crossed[0]]
+            elif turns_little(c, m):
                 read_poses(c, m.t + length, m.end, m.inputs, m.places_after)
-                m.span[0], m.latest[0], m.failed[0] = length, NONE, 0
-                return True
-        s.sequences[0] = 0
-        length *= share_with(error)
-        if length <= shortest:
-            finish(c, m, m.span[0])
-    return False
+                s.is_collocated[0], m.span[0] = 1, length
+                return share * length
+            else:
+                share = SHORTENING
+        length *= share
+    s.is_collocated[0] = 0
+    return 0.0
 
 
 def share_with(error: float) -> float:
     """The share of a length in which a motion should be accurate, from its error."""
-    share, left = SHORTER, error / ACCURATE
-    while share > SHORTENING and not left < 1.0:
-        share *= SHORTER
-        for _ in range(MOST_SEQUENCES):
-            left *= SHORTER
-    return share
+    ratio = ACCURATE / max(error, 1e-6 * ACCURATE)
+    root = math.sqrt(math.sqrt(math.sqrt(ratio)))
+    return min(LONGER, max(LEAST, SHORTER * root * math.sqrt(root)))
 
 
 def turns_little(c: Contacts, m: TrialPart) -> bool:
@@ -370,11 +391,13 @@ def length_resolved(c: Contacts, m: TrialPart, length: float) -> float:
 
 def stop_of(c: Contacts, m: TrialPart) -> float:
     """Where a slip along two directions stops, at which the motion then ends: that beyond a stop means nothing."""
-    first = NONE
+    first, found = NONE, 0.0
     for k in range(c.frictions):
-        if m.sliding.all[k] and m.span[0] > 0.0 and speed_of(c, m.before, k) > c.slow:
-            start, last = forward(c, m.before, m.before, k), forward(c, m.before, m.after, k)
+        if m.sliding.all[k] and m.span[0] > 0.0:
+            start, last = forward(c, m.sliding, m.before, k), forward(c, m.sliding, m.after, k)
             if last < 0.0:
-                first = first_zero(c, m, FORWARD, k, m.span[0], start, last, 0.0)
+                found = first_zero(c, m, FORWARD, k, m.span[0], start, last, 0.0)
+            if last < 0.0 and found > 0.0:  # otherwise it has not begun
+                first = found
                 finish(c, m, first)
     return first

@@ -9,6 +9,8 @@ from mbd_sim.dynamics.contact.one_sided_equations import SLIDING
 
 ADVANCE = External("int", ("Array", "Array", "int", "float", "int", "Array"))
 PART_STEP = External("int", ("Array", "Array", "float", "float"))
+START = External("int", ("Array", "Array", "Array", "Array", "Array"))
+PROJECT = External("None", ("Array", "Array", "Array", "Array"))
 READ_INPUTS = External("None", ("Array", "Array"))
 READ_STATE = External("None", ("Array", "Array", "Array"))
 READ = External("None", ("Array", "Array", "Array", "Array"))
@@ -23,10 +25,11 @@ class Contacts:
 
     Where the contacts are not `simple`, all events are left to `decide`.
 
-    Addresses: `advance` to the next event, `part_step`, `readings`, `poses`, `terms`, `response`, `restitution`,
-    `joint_loads`, and `energies`, which is 0 where these need not be known at impacts: where nothing is `driven`, and
-    nobody observes them. `decide` makes the changes of an event that is not simple, and `note` takes the events that
-    have been recorded; where they are 0, such steps are left to others, and events are forgotten.
+    Addresses: `advance` to the next event, `part_step`, `start` (slopes and readings), `project` onto the constraints,
+    `readings`, `poses`, `terms`, `response`, `restitution`, `joint_loads`, and `energies`, which is 0 where these need
+    not be known at impacts: where nothing is `driven`, and nobody observes them. `decide` makes the changes of an event
+    that is not simple, and `note` takes the events that have been recorded; where they are 0, such steps are left to
+    others, and events are forgotten.
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
     that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. There are
@@ -38,12 +41,15 @@ class Contacts:
     directions it is number `pair_places` k of the `pairs`. If it depends on one of the `loaded` joints, that is number
     `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components` j numbers
     without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j on. The
-    `singles` have one component and a guard each, after all others.
+    `singles` have one component and a guard each, after all others. `radau` are the nodes of collocation, after 0, and
+    its coefficients row by row.
     """
 
     simple: bool
     advance: int
     part_step: int
+    start: int
+    project: int
     readings: int
     poses: int
     poses_take_inputs: bool
@@ -63,6 +69,7 @@ class Contacts:
     guards: int
     pairs: int
     places: int
+    radau: Array
     body_pairs: int
     bodies: Integers
     accuracy: float

@@ -1,0 +1,262 @@
+"""Motion in which friction turns slip, by collocation, in the subset of Python that is compiled.
+
+Slip whose direction friction turns fast is a stiff problem. Its slopes are found at the nodes of the Radau IIA method
+of five stages and order nine, which is stable however fast friction turns the slip (E. Hairer, G. Wanner, Solving
+Ordinary Differential Equations II, section IV.8). The directions of friction at the nodes are unknowns of their own:
+with given ones, the slopes are those of a smooth mechanism, and sweeps over the nodes converge; the directions follow
+by Newton's method from the slips across them, which must be zero. Their derivatives need only those of the slopes by
+directions, since slips depend on speeds linearly.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
+from mbd_sim.simulation.contact.compiled.instant.contacts import (
+    PROJECT,
+    START,
+    Contacts,
+    guard_at,
+    read,
+    readings_size,
+)
+from mbd_sim.simulation.contact.compiled.instant.linear import solve
+from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, hypot, slip, with_directions
+
+ANGLE = 1e-5  # tangent of the angle for derivatives by directions
+MOST_SWEEPS = 40
+MOST_TOGETHER = 32  # elements whose directions are corrected together
+EXACT = 1e-13  # of natural units, change by a sweep after which no other is needed
+SHARE = 1e-2  # of the error of a motion that is enough, the same
+CONVERGED = 1e-11  # the same where sweeps change no less, because of round-off
+DIVERGED = 1e3
+MISSED = 5e-4  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
+EARLY = 0.1  # of what is missed, a change by a sweep after which a length that is too long is known to be so
+
+
+def collocated(
+    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, enough: float, state: Array
+) -> float:
+    """Find the state after a length in s; the error, relative to natural units, or infinity without a solution.
+
+    :param enough: an error with which the motion is not used; then it may be found from fewer sweeps.
+    """
+    across, along, error, change, last = zeros(STAGES * c.pairs), zeros(STAGES * c.pairs), math.inf, 0.0, math.inf
+    projected, time = zeros(c.size), zeros(1)
+    exact = max(EXACT, SHARE * enough) if enough < math.inf else EXACT
+    guess(c, s, length)
+    for _ in range(MOST_SWEEPS):
+        change = sweep(c, s, y, inputs, t, length, across, along)
+        if not change < DIVERGED:
+            return math.inf
+        error = MISSED * length * missed(c, s)
+        if change <= exact or (change <= CONVERGED and change > 0.5 * last):
+            break
+        if error > enough and change < EARLY * error / MISSED:
+            break
+        last = change
+        correct(c, s, length, across, along)
+    if change > CONVERGED and not error > enough:
+        return math.inf
+    time[0] = t + length
+    for i in range(c.size):
+        state[i] = y[i] + length * weighted(c, s, STAGES, i)
+    PROJECT(c.project, time, state, inputs, projected)
+    for i in range(c.size):
+        state[i] = projected[i]
+    return error
+
+
+def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float) -> bool:
+    """Find the slopes at the start; False where the constraints are ill-conditioned."""
+    time, readings = zeros(1), zeros(readings_size(c))
+    time[0] = t
+    s.base[0] = 0.0
+    with_directions(c, s, inputs, s.directions)
+    return START(c.start, time, y, s.given, s.slopes, readings[1:]) > 0
+
+
+def find_effects(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float) -> None:
+    """Find how slopes and slips at the start change with the directions.
+
+    :param length: a typical one in s.
+    """
+    time, moved, state, column, row = zeros(1), zeros(c.size), zeros(c.size), 0, 0
+    readings, after = zeros(readings_size(c)), zeros(readings_size(c))
+    pairs = number_of(c, s.all)
+    time[0] = t
+    read(c, t, y, inputs, readings)
+    for k in range(c.frictions):
+        if s.turning[k]:
+            x, z = s.directions[2 * k], s.directions[2 * k + 1]
+            rotate(s.directions, k, ANGLE)
+            with_directions(c, s, inputs, s.directions)
+            START(c.start, time, y, s.given, moved, after[1:])
+            s.directions[2 * k], s.directions[2 * k + 1] = x, z
+            for i in range(c.size):
+                state[i] = y[i]
+            for i in range(c.speeds):
+                at = c.first_speed + i
+                s.turned[column * c.speeds + i] = (moved[at] - s.slopes[at]) / ANGLE
+                state[at] += length * s.turned[column * c.speeds + i]
+            read(c, t, state, inputs, after)
+            row = 0
+            for other in range(c.frictions):
+                if s.turning[other]:
+                    change_x = slip(c, after, other, 0) - slip(c, readings, other, 0)
+                    change_z = slip(c, after, other, 1) - slip(c, readings, other, 1)
+                    x, z = s.directions[2 * other], s.directions[2 * other + 1]
+                    s.effects[row * pairs + column] = (change_z * x - change_x * z) / length
+                    row += 1
+            column += 1
+
+
+def number_of(c: Contacts, marks: Integers) -> int:
+    """How many elements are marked."""
+    found = 0
+    for k in range(c.frictions):
+        found += marks[k]
+    return found
+
+
+def guess(c: Contacts, s: Sliding, length: float) -> None:
+    """Slopes and directions at the nodes from those of another length, or else those at the start."""
+    share = length / s.base[0] if s.base[0] > 0.0 else 0.0
+    weights, n, m = zeros(STAGES + 1), c.size, 2 * c.frictions
+    for stage in range(1, STAGES + 1):
+        lagrange(c, 0, share * c.radau[stage], weights)
+        for i in range(n):
+            s.slopes[stage * n + i] = 0.0
+            for j in range(STAGES + 1):
+                known = s.slopes[i] if share == 0.0 or j == 0 else s.known[j * n + i]
+                s.slopes[stage * n + i] += weights[j] * known
+        for i in range(m):
+            s.turns[stage * m + i] = 0.0
+            for j in range(STAGES + 1):
+                known = s.directions[i] if share == 0.0 or j == 0 else s.known_turns[j * m + i]
+                s.turns[stage * m + i] += weights[j] * known
+        for k in range(c.frictions):
+            if s.turning[k]:
+                rotate(s.turns[stage * m :], k, 0.0)
+
+
+def remember(c: Contacts, s: Sliding, length: float) -> None:
+    """Keep slopes and directions for guesses of those of other lengths."""
+    s.base[0] = length
+    for i in range((STAGES + 1) * c.size):
+        s.known[i] = s.slopes[i]
+    for i in range((STAGES + 1) * 2 * c.frictions):
+        s.known_turns[i] = s.turns[i]
+
+
+def lagrange(c: Contacts, first: int, x: float, weights: Array) -> None:
+    """The weights with which values at the nodes from the `first` on, of which 0 is the one at 0, give that at x."""
+    for j in range(first, STAGES + 1):
+        weights[j] = 1.0
+        for k in range(first, STAGES + 1):
+            if k != j:
+                weights[j] *= (x - c.radau[k]) / (c.radau[j] - c.radau[k])
+
+
+def weighted(c: Contacts, s: Sliding, stage: int, i: int) -> float:
+    """The mean slope of a component up to a node, times the node."""
+    found, first = 0.0, STAGES + 1 + (stage - 1) * STAGES
+    for j in range(STAGES):
+        found += c.radau[first + j] * s.slopes[(j + 1) * c.size + i]
+    return found
+
+
+def sweep(
+    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, across: Array, along: Array
+) -> float:
+    """Evaluate the slopes at all nodes, and the slips across and along the directions of friction there.
+
+    The result is the largest change of the state by new slopes, or slip across a direction, in natural units.
+    """
+    time, state, slopes, readings = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c))
+    found, speed, place = 0.0, min(1.0, c.unit_speed), min(1.0, c.unit_speed / c.unit_rate)
+    s.crossed[0] = 0
+    for stage in range(1, STAGES + 1):
+        for i in range(c.size):
+            state[i] = y[i] + length * weighted(c, s, stage, i)
+        directions, first = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs
+        with_directions(c, s, inputs, directions)
+        time[0] = t + c.radau[stage] * length
+        START(c.start, time, state, s.given, slopes, readings[1:])
+        for i in range(c.size):
+            change = abs(slopes[i] - s.slopes[stage * c.size + i]) * length
+            unit = place if i < c.first_speed else speed
+            if i < c.first_speed + c.speeds and not change <= found * unit:
+                found = change / unit if math.isfinite(change) else math.inf
+            s.slopes[stage * c.size + i] = slopes[i]
+        for k in range(c.guards):
+            if s.crossed[0] == 0 and readings[guard_at(c, k)] < -c.tolerance and not s.left_out[k]:
+                s.crossed[0] = stage
+        row = first
+        for k in range(c.frictions):
+            if s.turning[k]:
+                x, z = directions[2 * k], directions[2 * k + 1]
+                across[row] = slip(c, readings, k, 1) * x - slip(c, readings, k, 0) * z
+                along[row] = slip(c, readings, k, 0) * x + slip(c, readings, k, 1) * z
+                found = max(found, abs(across[row]) / c.unit_speed)
+                if s.crossed[0] == 0 and along[row] < 0.0:
+                    s.crossed[0] = stage
+                row += 1
+    return found
+
+
+def missed(c: Contacts, s: Sliding) -> float:
+    """By how much the polynomial through the slopes at the nodes misses those at the start, in natural units."""
+    weights, found, speed, place = zeros(STAGES + 1), 0.0, min(1.0, c.unit_speed), c.unit_speed / c.unit_rate
+    place = min(1.0, place)
+    lagrange(c, 1, 0.0, weights)
+    for i in range(c.first_speed + c.speeds):
+        value = -s.slopes[i]
+        for j in range(1, STAGES + 1):
+            value += weights[j] * s.slopes[j * c.size + i]
+        found = max(found, abs(value) / (place if i < c.first_speed else speed))
+    return found
+
+
+def correct(c: Contacts, s: Sliding, length: float, across: Array, along: Array) -> None:
+    """Turn the directions so that slips across them vanish, and change the slopes with them."""
+    count, first = number_of(c, s.turning), 0
+    together = count if count <= MOST_TOGETHER else 1
+    while first < count:
+        correct_some(c, s, length, across, along, first, together)
+        first += together
+
+
+def correct_some(
+    c: Contacts, s: Sliding, length: float, across: Array, along: Array, first: int, count: int
+) -> None:  # fmt: skip
+    """The same for elements that turn, from the `first` on."""
+    n, m, number, pairs = STAGES * count, 2 * c.frictions, 0, number_of(c, s.all)
+    matrix, right, angles = zeros(n * n), zeros(n), zeros(n)
+    for stage in range(STAGES):
+        for i in range(count):
+            row = stage * count + i
+            right[row] = -across[stage * c.pairs + first + i]
+            for other in range(STAGES):
+                a = length * c.radau[STAGES + 1 + stage * STAGES + other]
+                for j in range(count):
+                    matrix[row * n + other * count + j] = a * s.effects[(first + i) * pairs + first + j]
+            matrix[row * n + row] -= along[stage * c.pairs + first + i]
+    solve(n, matrix, right, angles)
+    for stage in range(STAGES):
+        number = 0
+        for k in range(c.frictions):
+            if s.turning[k] and first <= number and number < first + count:
+                angle = min(1.0, max(-1.0, angles[stage * count + number - first]))
+                rotate(s.turns[(stage + 1) * m :], k, angle)
+                for i in range(c.speeds):
+                    s.slopes[(stage + 1) * c.size + c.first_speed + i] += angle * s.turned[number * c.speeds + i]
+            number += s.turning[k]
+
+
+def rotate(directions: Array, k: int, angle: float) -> None:
+    """Turn a direction by an angle, of which the tangent is given, and make it a unit vector."""
+    x, y = directions[2 * k] - angle * directions[2 * k + 1], directions[2 * k + 1] + angle * directions[2 * k]
+    size = hypot(x, y)
+    directions[2 * k], directions[2 * k + 1] = x / size, y / size
