@@ -26,6 +26,7 @@ from mbd_sim.compiler.rows.shared_rows import ActiveRows, emit_active_solver
 from mbd_sim.compiler.rows.slot_values import SlotSystem, emit_slot_values
 from mbd_sim.compiler.steps.emitter import System
 from mbd_sim.compiler.steps.guarded import GuardedSteps, Guards, emit_one_sided_advance
+from mbd_sim.compiler.steps.time_stepping import emit_time_stepping
 
 ITERATIONS = 8  # of Newton's method for the directions of loads; each doubles the number of digits
 
@@ -228,8 +229,8 @@ class OneSidedSystem:
     the matrix without friction, then further numbers. Inputs from `first_mode` on are the `modes`:
     which gaps are closed, which rows are active, and the directions of sliding; those from `first_given` on are the
     given forces. `slips` are the pairs of rows with friction along two directions, at rest up to a `slow` speed.
-    `gap_units` are those of the tolerance of open gaps. A projection that changes one of the first components by more
-    than the `farthest` gives a state that is not finite.
+    `gap_units` are those of the tolerance of open gaps. With `time_stepping`, steps are free. A projection that changes
+    one of the first components by more than the `farthest` gives a state that is not finite.
     """
 
     gaps: int
@@ -251,6 +252,12 @@ class OneSidedSystem:
     farthest: tuple[float, ...]
     loads: tuple[Load, ...] = ()
     slips: tuple[tuple[int, int], ...] = ()
+    time_stepping: bool = False
+
+    @property
+    def mode_range(self) -> range:
+        """The inputs that are the modes."""
+        return range(self.first_mode, self.first_mode + self.modes)
 
 
 def emit_one_sided(
@@ -279,13 +286,20 @@ def emit_one_sided(
     )
     closed = replace(
         system,
-        rates=solved(module, "solved_rates", contact, [rates], reports_margin=reports),
+        rates=system.rates
+        if one_sided.time_stepping
+        else solved(module, "solved_rates", contact, [rates], reports_margin=reports),
         projection=_both(module, system, _within_reach(module, contact_project, one_sided.farthest)),
         projection_takes_inputs=True,
         unmoved=frozenset(),
         in_registers=False,
         name="closed",
     )
+    still = frozenset(component for component in zero_components(program) if component >= system.error_size)
+    system = replace(system, still=still)
+    if one_sided.time_stepping:
+        _emit_readings(module, solved(module, "solved_readings", contact, [readings], watches=True))
+        return emit_time_stepping(module, system, closed, steps, one_sided.mode_range)
     open_start = arranged(one_sided.open_start)
     inline = instruction_count(open_start) <= INLINED_START
     packing = packed(open_start, like_branches) if module.fast else None
@@ -304,12 +318,16 @@ def emit_one_sided(
         slow=one_sided.slow,
         slips=one_sided.slips,
     )
+    _emit_readings(module, solved(module, "solved_readings", contact, [readings], watches=True))
+    return emit_one_sided_advance(module, system, closed, steps, guards)
+
+
+def _emit_readings(module: Module, readings: Function) -> None:
+    """Emit `void read_contacts(t, y, inputs, out)`."""
     exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contacts")
-    builder = IRBuilder(exported.append_basic_block("entry"))
-    builder.call(solved(module, "solved_readings", contact, [readings], watches=True), exported.args)
-    builder.ret_void()
-    still = frozenset(component for component in zero_components(program) if component >= system.error_size)
-    return emit_one_sided_advance(module, replace(system, still=still), closed, steps, guards)
+    b = IRBuilder(exported.append_basic_block("entry"))
+    b.call(readings, exported.args)
+    b.ret_void()
 
 
 def _within_reach(module: Module, project: Function, farthest: Sequence[float]) -> Function:

@@ -39,7 +39,7 @@ class ForceProblem:
 
 def unique_forces(p: ForceProblem, forces: Array) -> bool:
     """λ (n,) that satisfies all conditions, if it is found quickly and the only one."""
-    scale, start = zeros(p.n), zeros(p.n)
+    scale = zeros(p.n)
     matrix, free, sizes = zeros(p.n * p.n), zeros(p.n), zeros(p.frictions)
     if p.n == 0:
         return True
@@ -47,16 +47,22 @@ def unique_forces(p: ForceProblem, forces: Array) -> bool:
     scaled = ForceProblem(
         p.n, matrix, free, p.normals, p.normal_rows, p.frictions, p.friction_rows, p.loads, sizes
     )  # fmt: skip
-    found = by_lemke(scaled, forces) and newton(scaled, forces) <= ACCURATE
-    if not found:
-        for i in range(p.n):
-            forces[i] = start[i]
-        found = newton(scaled, forces) <= ACCURATE
-    if not found or not ((p.normals < 2 and p.frictions < 2) or is_unique(scaled, forces)):
+    if not quick_forces(scaled, forces):
+        return False
+    if not ((p.normals < 2 and p.frictions < 2) or is_unique(scaled, forces)):
         return False
     for i in range(p.n):
         forces[i] = forces[i] * scale[i]
     return True
+
+
+def quick_forces(p: ForceProblem, forces: Array) -> bool:
+    """λ (n,) that satisfies all conditions of a scaled problem, if it is found quickly; perhaps one of several."""
+    if by_lemke(p, forces) and newton(p, forces) <= ACCURATE:
+        return True
+    for i in range(p.n):
+        forces[i] = 0.0
+    return newton(p, forces) <= ACCURATE
 
 
 def scaled_problem(p: ForceProblem, matrix: Array, free: Array, sizes: Array, scale: Array) -> None:

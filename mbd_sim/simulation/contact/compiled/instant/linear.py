@@ -128,6 +128,12 @@ def pivots(n: int, matrix: Array, columns: Integers) -> int:
     return triangular(n, n, 0, a, columns)
 
 
+def rank_of(n: int, matrix: Array) -> int:
+    """How many columns of a square matrix are independent."""
+    order = integers(n)
+    return pivots(n, matrix, order)
+
+
 def unit_diagonal(n: int, matrix: Array, factors: Array) -> None:
     """Scale a symmetric positive semidefinite matrix to a diagonal of ones, in place, by factors (n,) of its rows."""
     for i in range(n):
