@@ -24,12 +24,15 @@ from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
 from mbd_sim.simulation.contact.compiled.instant.step_impulses import StepContacts, find_impulses
 from mbd_sim.simulation.contact.compiled.instant.step_modes import add_sliding, write_resting
 from mbd_sim.simulation.contact.compiled.pairs import (
+    DISTANCE,
     POSE,
     TOUCHING,
     FeaturePair,
+    at_least,
     end_step,
     has_key,
     key_of,
+    note,
     pair_at,
     put,
     spheres_apart,
@@ -46,6 +49,7 @@ from mbd_sim.simulation.contact.compiled.step import (
 )
 
 NEAR = 0.01  # of the way at the natural speed in a step, within which features that touch together are found
+FARTHER = 2.0  # times the distance at which gaps can close, beyond which bodies have no features
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,7 @@ def step(
     for i in range(c.size):
         free.after[i] = y[i]
     if c.body_pairs > 0:
-        find_all(c, start, free.before, end, y, inputs, max(c.tolerance, NEAR * c.unit_speed * h))
+        find_all(c, free, inputs)
     read_rows(c, end, y, inputs, rows)
     mark_closing(c, rows, h, closing)
     read_rows(c, start, free.before, inputs, rows)
@@ -250,28 +254,35 @@ def add_losses(
             record(c, t, IMPACT, gap, s.impulses[gap], loss, events, counts)
 
 
-def find_all(
-    c: Contacts, start: float, before: Array, end: float, after: Array, inputs: Array, tolerance: float
-) -> None:  # fmt: skip
-    """Find the features of all empty slots at two states with their times, up to gaps of a tolerance in m.
+def find_all(c: Contacts, free: FreeMotion, inputs: Array) -> None:
+    """Find the features of all slots, which are empty, before and after a free step.
 
-    Those at the first state come first.
+    Those before it come first.
     """
-    places, places_after = zeros(c.places), zeros(c.places)
-    read_poses(c, start, before, inputs, places)
-    read_poses(c, end, after, inputs, places_after)
+    places, places_after, end = zeros(c.places), zeros(c.places), free.start + free.length
+    tolerance = max(c.tolerance, NEAR * c.unit_speed * free.length)
+    apart = FARTHER * max(tolerance, c.rest_speed * free.length)
+    read_poses(c, free.start, free.before, inputs, places)
+    read_poses(c, end, free.after, inputs, places_after)
     for index in range(c.body_pairs):
         pair = pair_at(c, index)
-        count = add_found(pair, places, tolerance, inputs, 0)
-        add_found(pair, places_after, tolerance, inputs, count)
+        count = add_found(pair, places, tolerance, apart, inputs, 0)
+        add_found(pair, places_after, tolerance, apart, inputs, count)
 
 
-def add_found(pair: FeaturePair, places: Array, tolerance: float, inputs: Array, count: int) -> int:
-    """Add features to the `count` first slots of a pair that are in use; the number of those that are in use then."""
+def add_found(pair: FeaturePair, places: Array, tolerance: float, apart: float, inputs: Array, count: int) -> int:
+    """Add features to the `count` first slots of a pair that are in use; the number of those that are in use then.
+
+    Bodies that are farther `apart` need none. What is remembered of their distance only tells this sooner.
+    """
     one, other, found = zeros(POSE), zeros(POSE), zeros(pair.slots * pair.size)
-    if spheres_apart(pair, places) > tolerance:
+    if max(spheres_apart(pair, places), at_least(pair, places)) > apart:
         return count
     put(pair, places, one, other)
+    distance = DISTANCE(pair.distance, pair.data, one, other)
+    note(pair, places, distance)
+    if distance > apart:
+        return count
     touching = TOUCHING(pair.touching, pair.data, one, other, tolerance, found)
     for k in range(touching):
         if count < pair.slots and not has_key(pair, inputs[pair.numbers :], count, key_of(found, pair.size, k)):

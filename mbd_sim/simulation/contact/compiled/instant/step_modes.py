@@ -16,7 +16,7 @@ from mbd_sim.simulation.contact.compiled.instant.step_impulses import StepContac
 def write_resting(c: Contacts, s: StepContacts, inputs: Array) -> None:
     """Write modes without sliding: closed are gaps that have borne something and do not open."""
     n, count, rank = c.rows, 0, 0
-    matrix, rows, basis = zeros(c.rows * c.rows), integers(c.rows), integers(c.rows)
+    rows, basis = integers(c.rows), integers(c.rows)
     for i in range(2 * n + c.loaded + n):
         inputs[c.first_mode + i] = 0.0
     for gap in range(c.gaps):
@@ -34,10 +34,7 @@ def write_resting(c: Contacts, s: StepContacts, inputs: Array) -> None:
                 if row >= 0:
                     rows[count] = row
                     count += 1
-    for i in range(n):
-        for j in range(n):
-            matrix[i * n + j] = s.terms[i + j * n]
-    rank = best_conditioned(n, matrix, count, rows, basis)
+    rank = best_conditioned(n, s.terms, count, rows, basis)
     for i in range(count):
         inputs[active_at(c, rows[i])] = -c.stepping.compliance[rows[i]]
     for i in range(rank):
