@@ -364,7 +364,7 @@ def _natural(problem: ContactProblem, forces: Array) -> float:
 def _newton(problem: ContactProblem, forces: Array) -> tuple[Array, float]:
     """The best iterate of Newton's method, and the size of its residual: see `compiled.forces.newton`."""
     found = forces.astype(float)
-    return found, called("newton", problem.packed, found)
+    return found, called("newton", problem.packed, found, False)
 
 
 def _sweep(problem: ContactProblem, forces: Array) -> Array:

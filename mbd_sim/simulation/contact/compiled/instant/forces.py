@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.instant.linear import lemke, pivots, solve
+from mbd_sim.simulation.contact.compiled.instant.linear import lemke, pivots, solve, solve_regular
 
 SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
 SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at its limit slides
@@ -58,11 +58,11 @@ def unique_forces(p: ForceProblem, forces: Array) -> bool:
 
 def quick_forces(p: ForceProblem, forces: Array) -> bool:
     """λ (n,) that satisfies all conditions of a scaled problem, if it is found quickly; perhaps one of several."""
-    if by_lemke(p, forces) and newton(p, forces) <= ACCURATE:
+    if by_lemke(p, forces) and newton(p, forces, False) <= ACCURATE:
         return True
     for i in range(p.n):
         forces[i] = 0.0
-    return newton(p, forces) <= ACCURATE
+    return newton(p, forces, False) <= ACCURATE
 
 
 def scaled_problem(p: ForceProblem, matrix: Array, free: Array, sizes: Array, scale: Array) -> None:
@@ -192,8 +192,11 @@ def residual_of(p: ForceProblem, forces: Array, trial: Array, natural: Array) ->
     return largest / (1.0 + size)
 
 
-def newton(p: ForceProblem, forces: Array) -> float:
-    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991): the best iterate, and the size of its residual."""
+def newton(p: ForceProblem, forces: Array, is_regular: bool) -> float:
+    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991): the best iterate, and the size of its residual.
+
+    :param is_regular: rows do not depend on each other.
+    """
     n = p.n
     trial, natural, best, change = zeros(n), zeros(n), zeros(n), zeros(n)
     jacobian = zeros(n * n)
@@ -203,10 +206,14 @@ def newton(p: ForceProblem, forces: Array) -> float:
     for i in range(n):
         best[i] = forces[i]
     for _ in range(NEWTON_STEPS):
-        jacobian_of(p, trial, jacobian)
+        if is_regular:
+            jacobian_of(p, trial, jacobian)
         for i in range(n):
             natural[i] = -natural[i]
-        solve(n, jacobian, natural, change)
+            change[i] = natural[i]
+        if not is_regular or not solve_regular(n, jacobian, change):
+            jacobian_of(p, trial, jacobian)
+            solve(n, jacobian, natural, change)
         for i in range(n):
             forces[i] = forces[i] + change[i]
         found = residual_of(p, forces, trial, natural)

@@ -45,7 +45,7 @@ def nearest_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
                 return False
         else:
             scaled_compliance(n, compliance, scale, own)
-            if elastic_forces(scaled, own, found) and newton(scaled, found) <= ACCURATE:
+            if elastic_forces(scaled, own, found) and newton(scaled, found, False) <= ACCURATE:
                 for i in range(n):
                     forces[i] = found[i]
             elif not is_found:
@@ -81,7 +81,7 @@ def elastic_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
     for count in range(SOFTENINGS + 1):
         for i in range(n):
             matrix[i * n + i] = p.matrix[i * n + i] + softness * compliance[i]
-        residual = newton(softened, forces)
+        residual = newton(softened, forces, True)
         softness = SOFTNESS if count == SOFTENINGS - 1 else SOFTER * softness
     if residual > ACCURATE and not quick_forces(softened, forces):
         return False
@@ -92,7 +92,7 @@ def elastic_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
         for i in range(n):
             free[i] += rates[i]
             stiffer[i] = forces[i]
-        if newton(softened, stiffer) > ACCURATE:
+        if newton(softened, stiffer, True) > ACCURATE:
             break
         for i in range(n):
             forces[i] = stiffer[i]

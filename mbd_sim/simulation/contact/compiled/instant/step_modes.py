@@ -15,9 +15,8 @@ from mbd_sim.simulation.contact.compiled.instant.step_impulses import StepContac
 
 def write_resting(c: Contacts, s: StepContacts, inputs: Array) -> None:
     """Write modes without sliding: closed are gaps that have borne something and do not open."""
-    n, count, rank = c.rows, 0, 0
-    rows, basis = integers(c.rows), integers(c.rows)
-    for i in range(2 * n + c.loaded + n):
+    count, rows = 0, integers(c.rows)
+    for i in range(3 * c.rows + c.loaded):
         inputs[c.first_mode + i] = 0.0
     for gap in range(c.gaps):
         if s.impulses[gap] > 0.0 and s.rates[gap] <= RESTING * c.row_speeds[gap]:
@@ -34,11 +33,21 @@ def write_resting(c: Contacts, s: StepContacts, inputs: Array) -> None:
                 if row >= 0:
                     rows[count] = row
                     count += 1
-    rank = best_conditioned(n, s.terms, count, rows, basis)
+    activate(c, s, count, rows, inputs)
+
+
+def activate(c: Contacts, s: StepContacts, count: int, rows: Integers, inputs: Array) -> None:
+    """Write that `count` of some rows are active; where they depend on each other, with their weights."""
+    matrix, order, basis = zeros(count * count), integers(count), integers(count)
     for i in range(count):
+        order[i] = i
         inputs[active_at(c, rows[i])] = -c.stepping.compliance[rows[i]]
+        for j in range(count):
+            matrix[i * count + j] = s.terms[rows[i] + rows[j] * c.rows]
+    rank = best_conditioned(count, matrix, count, order, basis)
     for i in range(rank):
-        inputs[active_at(c, basis[i])] = c.stepping.compliance[basis[i]] if rank < count else 1.0
+        row = rows[basis[i]]
+        inputs[active_at(c, row)] = c.stepping.compliance[row] if rank < count else 1.0
 
 
 def add_sliding(c: Contacts, s: StepContacts, inputs: Array) -> None:
