@@ -5,7 +5,7 @@ The system of a mechanism with one-sided rows is one of them, with its guards.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -279,6 +279,7 @@ def emit_one_sided(
     active = ActiveRows(rows, first, one_sided.first_given, solver, gaps)
     contact, rates, readings = *one_sided.rates, one_sided.readings
     solved = partial(emit_solved, active=active, slots=one_sided.slots, loads=one_sided.loads, adds_given=True)
+    read = partial(solved, module, "solved_readings", contact, [readings], watches=True)
     reports = system.reports_conditioning
     project_system, project = one_sided.project
     contact_project = emit_solved(
@@ -298,7 +299,7 @@ def emit_one_sided(
     still = frozenset(component for component in zero_components(program) if component >= system.error_size)
     system = replace(system, still=still)
     if one_sided.time_stepping:
-        _emit_readings(module, solved(module, "solved_readings", contact, [readings], watches=True))
+        _emit_readings(module, read)
         return emit_time_stepping(module, system, closed, steps, one_sided.mode_range)
     open_start = arranged(one_sided.open_start)
     inline = instruction_count(open_start) <= INLINED_START
@@ -318,15 +319,15 @@ def emit_one_sided(
         slow=one_sided.slow,
         slips=one_sided.slips,
     )
-    _emit_readings(module, solved(module, "solved_readings", contact, [readings], watches=True))
+    _emit_readings(module, read)
     return emit_one_sided_advance(module, system, closed, steps, guards)
 
 
-def _emit_readings(module: Module, readings: Function) -> None:
+def _emit_readings(module: Module, emit: Callable[[], Function]) -> None:
     """Emit `void read_contacts(t, y, inputs, out)`."""
     exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contacts")
     b = IRBuilder(exported.append_basic_block("entry"))
-    b.call(readings, exported.args)
+    b.call(emit(), exported.args)
     b.ret_void()
 
 
