@@ -280,8 +280,7 @@ def emit_one_sided(
     contact, rates, readings = *one_sided.rates, one_sided.readings
     solved = partial(emit_solved, active=active, slots=one_sided.slots, loads=one_sided.loads, adds_given=True)
     read = partial(solved, module, "solved_readings", contact, [readings], watches=True)
-    reports = system.reports_conditioning
-    project_system, project = one_sided.project
+    reports, (project_system, project) = system.reports_conditioning, one_sided.project
     contact_project = emit_solved(
         module, "solved_projection", project_system, [project], active, one_sided.slots, fused=False
     )
@@ -296,8 +295,8 @@ def emit_one_sided(
         in_registers=False,
         name="closed",
     )
-    still = frozenset(component for component in zero_components(program) if component >= system.error_size)
-    system = replace(system, still=still)
+    still = {component for component in zero_components(program) if component >= system.error_size}
+    system = replace(system, still=frozenset(still))
     if one_sided.time_stepping:
         _emit_readings(module, read)
         return emit_time_stepping(module, system, closed, steps, one_sided.mode_range)

@@ -87,6 +87,12 @@ def test_steps_are_those_of_the_code_for_all_contacts(kind):
     assert both.acting > 5 and both.left <= 2
 
 
+def test_friction_at_rest_holds_more_than_sliding_friction():
+    both = Both(Simulation.from_file("belt", method="moreau"))
+    both.compare(300)
+    assert both.acting > 200 and both.left == 0
+
+
 def test_boxes_that_share_forces_on_a_driven_table_too():
     """Faces that touch at four corners, of bodies with quaternions; the drive does work in each step."""
     simulation = Simulation.from_text(BOXES)
