@@ -18,7 +18,7 @@ from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
 from mbd_sim.simulation.contact.compiled import step
 from mbd_sim.simulation.contact.compiled.instant.contacts import DECIDE, Contacts, Stepping
 from mbd_sim.simulation.contact.compiled.library import library
-from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
+from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, address
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 
 Marks: TypeAlias = NDArray[np.int64]
@@ -194,10 +194,8 @@ class CompiledContacts:
         :raises BaseException: what was raised by functions that compiled code calls.
         """
         events, counts = self._results
-        addresses = (each.ctypes.data for each in (estimate, events, counts))
-        taken = library().advance_by_time_stepping(
-            self._address, y.ctypes.data, inputs.ctypes.data, first, h, n, *addresses
-        )
+        addresses = (address(each) for each in (estimate, events, counts))
+        taken = library().advance_by_time_stepping(self._address, address(y), address(inputs), first, h, n, *addresses)
         self.check()
         return taken, int(counts[1])
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -282,7 +282,7 @@ def _row_names(one_sided: OneSidedEquations) -> tuple[str, ...]:
     return tuple(names)
 
 
-def address(array: Array) -> int:
+def address(array: NDArray[Any]) -> int:
     """The address of an array; of one that can be written to in a quarter of the time of `array.ctypes.data`."""
     if not array.flags.writeable:
         return array.ctypes.data
