@@ -92,6 +92,7 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     forces.residual_of,
     forces.newton,
     forces.by_lemke,
+    forces.sweep,
     linear.solve,
     linear.null_space,
     linear.least,

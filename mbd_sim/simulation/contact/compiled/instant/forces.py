@@ -16,6 +16,7 @@ SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at i
 UNPRESSED = 1e-9  # of the largest force, that counts as none where a support is left out or added
 ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
 NEWTON_STEPS = 40
+SWEEPS = 400
 
 
 @dataclass(frozen=True)
@@ -231,6 +232,40 @@ def newton(p: ForceProblem, forces: Array, is_regular: bool) -> float:
     for i in range(n):
         forces[i] = best[i]
     return least
+
+
+def sweep(p: ForceProblem, forces: Array) -> None:
+    """Projected Gauss–Seidel sweeps over the elements, from some forces λ (n,) on."""
+    for _ in range(SWEEPS):
+        for i in range(p.normals):
+            row = p.normal_rows[i]
+            diagonal = p.matrix[row * p.n + row]
+            if diagonal > 0.0:
+                forces[row] = max(forces[row] - rate_of(p, forces, row) / diagonal, 0.0)
+        for k in range(p.frictions):
+            first, second = p.friction_rows[2 * k], p.friction_rows[2 * k + 1]
+            along, across, diagonal = rate_of(p, forces, first), 0.0, p.matrix[first * p.n + first]
+            if second >= 0:
+                across, diagonal = rate_of(p, forces, second), max(diagonal, p.matrix[second * p.n + second])
+            if not diagonal > 0.0:
+                continue
+            forces[first] = forces[first] - along / diagonal
+            if second >= 0:
+                forces[second] = forces[second] - across / diagonal
+            limit = p.sizes[k] * (1.0 if p.loads[k] < 0 else max(forces[p.loads[k]], 0.0))
+            length = length_of(p.friction_rows, k, forces)
+            if length > limit:
+                forces[first] = forces[first] * (limit / length)
+                if second >= 0:
+                    forces[second] = forces[second] * (limit / length)
+
+
+def rate_of(p: ForceProblem, forces: Array, row: int) -> float:
+    """The rate of a row."""
+    total = 0.0
+    for j in range(p.n):
+        total += p.matrix[row * p.n + j] * forces[j]
+    return p.free[row] + total
 
 
 def jacobian_of(p: ForceProblem, trial: Array, jacobian: Array) -> None:
