@@ -109,6 +109,7 @@ class OneSidedFunctions:
       (rows,), and the guards (gaps + frictions + loads with one component,), which are negative where a mode ends. They
       are in natural units, those of forces in that of the weight if it is larger. Then, for friction along two
       directions, the rates in 1/s at which it can turn its slip.
+    - `gaps_and_rates(t, y, inputs, slots)`: the gaps (gaps,) and the rates of all rows (rows,).
     - `open_start(t, y, inputs)`: while nothing is closed, what `Equations.rates` gives, then the gaps (gaps,) and their
       rates (gaps,), but not of slots.
     - `terms(t, y, inputs, slots)`: A (rows, rows) without friction, as in `SolvedPair`, with `terms_factors`; then
@@ -126,6 +127,7 @@ class OneSidedFunctions:
     rates: SolvedPair
     project: SolvedPair
     readings: ca.Function
+    gaps_and_rates: ca.Function
     open_start: ca.Function
     terms: ca.Function
     terms_factors: Factors | None
@@ -302,6 +304,9 @@ class OneSidedDynamics:
             rates=rates,
             project=self._project(solution),
             readings=readings,
+            gaps_and_rates=_function(
+                "gaps_and_rates", given, ca.vertcat(gap_values(one_sided), one_sided.equations.velocity)
+            ),
             open_start=merged_function(
                 "open_start", inputs, open_rates, ca.vertcat(open_gaps, gap_rates), *self._margin
             ),

@@ -89,17 +89,21 @@ class KernelSignature:
 
 
 class OneSidedKernel:
-    """`advance_to_event` and `part_step` as in `emit_one_sided_advance`, and `readings(t, y, inputs, out)`.
+    """`part_step` as in `emit_one_sided_advance` or `emit_time_stepping`, and `readings(t, y, inputs, out)`.
 
     See `mbd_sim.dynamics.one_sided_functions.OneSidedFunctions`.
     """
 
     def __init__(self, code: MachineCode) -> None:
-        advance_to_event = ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("advance_to_event"))
-        self.advance_to_event: Callable[..., int] = advance_to_event
         part_step = ctypes.CFUNCTYPE(_INT, _ADDRESS, _ADDRESS, _DOUBLE, _DOUBLE)(code.address("part_step"))
         self.part_step: Callable[..., int] = part_step
         self.readings: Callable[..., None] = function_of_addresses(code.address("read_contacts"), 4)
+        self._code = code
+
+    def project(self, y: int, inputs: int, time: float) -> int:
+        """See `emit_time_stepping`."""
+        found: int = ctypes.CFUNCTYPE(_INT, _ADDRESS, _ADDRESS, _DOUBLE)(self._code.address("project"))(y, inputs, time)
+        return found
 
 
 class Kernel:

@@ -5,7 +5,7 @@ The system of a mechanism with one-sided rows is one of them, with its guards.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -26,6 +26,7 @@ from mbd_sim.compiler.rows.shared_rows import ActiveRows, emit_active_solver
 from mbd_sim.compiler.rows.slot_values import SlotSystem, emit_slot_values
 from mbd_sim.compiler.steps.emitter import System
 from mbd_sim.compiler.steps.guarded import GuardedSteps, Guards, emit_one_sided_advance
+from mbd_sim.compiler.steps.time_stepping import emit_time_stepping
 
 ITERATIONS = 8  # of Newton's method for the directions of loads; each doubles the number of digits
 
@@ -228,8 +229,8 @@ class OneSidedSystem:
     the matrix without friction, then further numbers. Inputs from `first_mode` on are the `modes`:
     which gaps are closed, which rows are active, and the directions of sliding; those from `first_given` on are the
     given forces. `slips` are the pairs of rows with friction along two directions, at rest up to a `slow` speed.
-    `gap_units` are those of the tolerance of open gaps. A projection that changes one of the first components by more
-    than the `farthest` gives a state that is not finite.
+    `gap_units` are those of the tolerance of open gaps. With `time_stepping`, steps are free. A projection that changes
+    one of the first components by more than the `farthest` gives a state that is not finite.
     """
 
     gaps: int
@@ -251,6 +252,12 @@ class OneSidedSystem:
     farthest: tuple[float, ...]
     loads: tuple[Load, ...] = ()
     slips: tuple[tuple[int, int], ...] = ()
+    time_stepping: bool = False
+
+    @property
+    def mode_range(self) -> range:
+        """The inputs that are the modes."""
+        return range(self.first_mode, self.first_mode + self.modes)
 
 
 def emit_one_sided(
@@ -272,20 +279,27 @@ def emit_one_sided(
     active = ActiveRows(rows, first, one_sided.first_given, solver, gaps)
     contact, rates, readings = *one_sided.rates, one_sided.readings
     solved = partial(emit_solved, active=active, slots=one_sided.slots, loads=one_sided.loads, adds_given=True)
-    reports = system.reports_conditioning
-    project_system, project = one_sided.project
+    read = partial(solved, module, "solved_readings", contact, [readings], watches=True)
+    reports, (project_system, project) = system.reports_conditioning, one_sided.project
     contact_project = emit_solved(
         module, "solved_projection", project_system, [project], active, one_sided.slots, fused=False
     )
     closed = replace(
         system,
-        rates=solved(module, "solved_rates", contact, [rates], reports_margin=reports),
+        rates=system.rates
+        if one_sided.time_stepping
+        else solved(module, "solved_rates", contact, [rates], reports_margin=reports),
         projection=_both(module, system, _within_reach(module, contact_project, one_sided.farthest)),
         projection_takes_inputs=True,
         unmoved=frozenset(),
         in_registers=False,
         name="closed",
     )
+    still = {component for component in zero_components(program) if component >= system.error_size}
+    system = replace(system, still=frozenset(still))
+    if one_sided.time_stepping:
+        _emit_readings(module, read)
+        return emit_time_stepping(module, system, closed, steps, one_sided.mode_range)
     open_start = arranged(one_sided.open_start)
     inline = instruction_count(open_start) <= INLINED_START
     packing = packed(open_start, like_branches) if module.fast else None
@@ -304,13 +318,17 @@ def emit_one_sided(
         slow=one_sided.slow,
         slips=one_sided.slips,
     )
-    exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contacts")
-    builder = IRBuilder(exported.append_basic_block("entry"))
-    builder.call(solved(module, "solved_readings", contact, [readings], watches=True), exported.args)
-    builder.ret_void()
+    _emit_readings(module, read)
     _emit_parts_of_steps(module, closed, guards, reports=reports)
-    still = frozenset(component for component in zero_components(program) if component >= system.error_size)
-    return emit_one_sided_advance(module, replace(system, still=still), closed, steps, guards)
+    return emit_one_sided_advance(module, system, closed, steps, guards)
+
+
+def _emit_readings(module: Module, emit: Callable[[], Function]) -> None:
+    """Emit `void read_contacts(t, y, inputs, out)`."""
+    exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contacts")
+    b = IRBuilder(exported.append_basic_block("entry"))
+    b.call(emit(), exported.args)
+    b.ret_void()
 
 
 def _emit_parts_of_steps(module: Module, closed: System, guards: Guards, *, reports: bool) -> None:

@@ -48,6 +48,11 @@ class Guards:
     slow: float
     slips: tuple[tuple[int, int], ...] = ()
 
+    @property
+    def mode_range(self) -> range:
+        """The inputs that are the modes."""
+        return range(self.first_mode, self.first_mode + self.modes)
+
 
 def kept_at_start(size: int, gaps: int, rows: int) -> int:
     """The numbers that are kept besides a history: the slopes (size,), their conditioning, the gaps and their rates."""
@@ -85,22 +90,22 @@ def emit_one_sided_advance(
         state, inputs, first, h, count, estimate = function.args
         b = IRBuilder(function.append_basic_block("entry"))
         given = [state, inputs, first, h, count, integer(mode), estimate]
-        taken = _call_loop(b, loops, guards, given)
+        taken = call_loop(b, loops, guards.mode_range, given)
         b.ret(taken if mode == TO_EVENT else b.zext(b.icmp_signed("==", taken, count), INT))
     parts = (
-        _emit_part(module, "part_closed", closed_system, steps.part),
-        _emit_part(module, "part_open", open_system, steps.part),
+        emit_part(module, "part_closed", closed_system, steps.part),
+        emit_part(module, "part_open", open_system, steps.part),
     )
     exported = Function(module, FunctionType(INT, [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
     b = IRBuilder(exported.append_basic_block("entry"))
-    b.ret(_call_loop(b, parts, guards, exported.args))
+    b.ret(call_loop(b, parts, guards.mode_range, exported.args))
     emit_plain_advance(module, function)
     return function
 
 
-def _emit_part(module: Module, name: str, system: System, prepare: Prepare) -> Function:
+def emit_part(module: Module, name: str, system: System, prepare: Prepare) -> Function:
     """Emit `i64 name(y, inputs, double t, double h)`: see `part_step`."""
-    function = _internal(module, name, [POINTER, POINTER, DOUBLE, DOUBLE])
+    function = internal(module, name, [POINTER, POINTER, DOUBLE, DOUBLE])
     state, inputs, t, h = function.args
     b = IRBuilder(function.append_basic_block("entry"))
     emitter = StepEmitter(b, system, inputs, h, short=True)
@@ -110,14 +115,14 @@ def _emit_part(module: Module, name: str, system: System, prepare: Prepare) -> F
     emit_step(t)
     emitter.project(b.fadd(t, h), emitter.y)
     copy(b, system.size, emitter.y, state)
-    b.ret(b.select(_is_finite(b, system.size, emitter.y, sum_of_zeros), integer(1), integer(-1)))
+    b.ret(b.select(is_finite(b, system.size, emitter.y, sum_of_zeros), integer(1), integer(-1)))
     return function
 
 
-def _call_loop(b: IRBuilder, loops: Sequence[Function], guards: Guards, arguments: Sequence[Value]) -> Value:
-    """Call the first of two loops if any mode is not open, the second one otherwise."""
+def call_loop(b: IRBuilder, loops: Sequence[Function], modes: range, arguments: Sequence[Value]) -> Value:
+    """Call the first of two loops if any of the modes, which are inputs, is not open; the second one otherwise."""
     taken, bits = [], integer(0)
-    for index in range(guards.first_mode, guards.first_mode + guards.modes):
+    for index in modes:
         bits = b.or_(bits, b.load(element(b, arguments[1], index), typ=INT))
     with b.if_else(b.icmp_unsigned("!=", b.and_(bits, integer(NOT_SIGN)), integer(0))) as branches:
         for branch, function in zip(branches, loops, strict=True):
@@ -137,7 +142,7 @@ def _emit_loop(
     Step k starts at the time k h, counted from `first`. It returns the number of steps before the first one in which a
     guard becomes negative, or -1 if the state does not stay finite. `mode`: see `TO_EVENT`.
     """
-    function = _internal(module, name, [POINTER, POINTER, INT, DOUBLE, INT, INT, POINTER])
+    function = internal(module, name, [POINTER, POINTER, INT, DOUBLE, INT, INT, POINTER])
     state, inputs, first, h, count, mode, estimate = function.args
     b = IRBuilder(function.append_basic_block("entry"))
     emitter, size = StepEmitter(b, system, inputs, h), system.size
@@ -211,7 +216,7 @@ def _emit_undo(emitter: StepEmitter, is_to_event: Value, states: tuple[Value, Va
 def _emit_end(emitter: StepEmitter, check: _Check, state: Value, kept: Value, sum_of_zeros: Value) -> Value:
     """Emit what follows the last step: a finite state and what is kept besides a history; whether it is finite."""
     b, size = emitter.b, emitter.system.size
-    finite = _is_finite(b, size, emitter.y, sum_of_zeros)
+    finite = is_finite(b, size, emitter.y, sum_of_zeros)
     if emitter.kept is not None:
         emitter.kept.end(finite)
     with b.if_then(finite):
@@ -221,7 +226,8 @@ def _emit_end(emitter: StepEmitter, check: _Check, state: Value, kept: Value, su
     return finite
 
 
-def _internal(module: Module, name: str, types: list[str]) -> Function:
+def internal(module: Module, name: str, types: list[str]) -> Function:
+    """A function with an integer as its result that only this module calls."""
     function = Function(module, FunctionType(INT, types), name)
     function.linkage = "internal"
     function.attributes = ["noinline"]
@@ -350,7 +356,8 @@ class _Check:
         return b.and_(b.and_(slides, moves), too_far)
 
 
-def _is_finite(b: IRBuilder, size: int, y: Value, total: Value) -> Value:
+def is_finite(b: IRBuilder, size: int, y: Value, total: Value) -> Value:
+    """Emit whether a state is finite; `total` is the address of a number."""
     zero = number(0.0)
     b.store(zero, total)
     for_each(b, size, lambda i: b.store(b.fadd(b.load(total, typ=DOUBLE), b.fmul(load(b, y, i), zero)), total))

@@ -15,11 +15,12 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.rounded import radau
 from mbd_sim.compiler.ir.python_kinds import address_of, packed, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
+from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
 from mbd_sim.simulation.contact.compiled import step
-from mbd_sim.simulation.contact.compiled.instant.contacts import DECIDE, Contacts
+from mbd_sim.simulation.contact.compiled.instant.contacts import DECIDE, Contacts, Stepping
 from mbd_sim.simulation.contact.compiled.library import library
 from mbd_sim.simulation.contact.compiled.sliding import STAGES
-from mbd_sim.simulation.contact.one_sided_model import OneSidedModel
+from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, address
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 
 Marks: TypeAlias = NDArray[np.int64]
@@ -57,24 +58,28 @@ class CompiledContacts:
         model: OneSidedModel,
         kernel: Kernel,
         state_size: int,
-        speeds: slice,
+        coordinates: CoordinateLayout,
         first_loss: int,
         rest_speed: float,
         tolerance: float,
         driven: bool,
         held: Sequence[int],
         sizes: tuple[int, int],
+        time_stepping: bool,
     ) -> None:
         """:param held: the components of y that change between steps only.
 
         :param sizes: the number of inputs, and that of the history behind them in memory.
+        :param time_stepping: contacts act once in each step, and the kernel is made for that.
         """
         self._model, self._kernel, layout = model, kernel, model.layout
         self._failures = list[BaseException]()
         self._observable = "elongations" not in kernel.readers  # whether the kernel reads all energies
         self._contacts = Contacts(
             simple=False,
-            **_addresses(model, kernel),
+            time_stepping=time_stepping,
+            stepping=_stepping(model, kernel, coordinates) if time_stepping else NO_STEPPING,
+            **_addresses(model, kernel, time_stepping=time_stepping),
             energies=0,
             energies_take_inputs=kernel.reads_inputs["energies"],
             driven=driven,
@@ -96,20 +101,15 @@ class CompiledContacts:
             first_mode=model.span.start,
             modes=layout.size,
             first_feature=layout.features.start,
-            first_speed=speeds.start,
-            speeds=speeds.stop - speeds.start,
+            first_speed=coordinates.nq,
+            speeds=coordinates.nv,
             first_loss=first_loss,
             rest_speed=rest_speed,
             tolerance=tolerance,
-            unit_speed=model.units.speed,
-            unit_rate=model.units.rate,
-            unit_force=model.units.force,
+            **_units(model),
             **_friction(model),
             clutches=model.clutches.astype(np.int64),
             slots=model.slots.astype(np.int64),
-            row_speeds=model.speeds,
-            row_loads=model.loads,
-            gap_units=model.gap_units,
         )
         self.observe(False)
 
@@ -174,7 +174,7 @@ class CompiledContacts:
         """Say whether energies at impacts have to be known to others."""
         needed = observed or self._contacts.driven
         energies = self._kernel.reader_address("energies") if needed else 0
-        simple = self._observable or not needed
+        simple = self._observable or not (needed or self._contacts.time_stepping)  # the bits must not depend on it
         self._contacts = replace(self._contacts, energies=energies, simple=simple)
         self._address = packed(self._contacts).ctypes.data
 
@@ -188,6 +188,19 @@ class CompiledContacts:
         library().advance(self._address, y.ctypes.data, inputs.ctypes.data, first, h, n, *addresses)
         self.check()
         return bool(counts[1] == step.DONE)
+
+    def advance_by_time_stepping(
+        self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array
+    ) -> tuple[int, int]:
+        """Take up to n steps; how many were taken, and why not more: see `compiled.step`.
+
+        :raises BaseException: what was raised by functions that compiled code calls.
+        """
+        events, counts = self._results
+        addresses = (address(each) for each in (estimate, events, counts))
+        taken = library().advance_by_time_stepping(self._address, address(y), address(inputs), first, h, n, *addresses)
+        self.check()
+        return taken, int(counts[1])
 
     def renew(self, time: float, y: Array, inputs: Array) -> None:
         """Find the features of all slots at a state."""
@@ -233,18 +246,48 @@ def _view(kind: Any, at: int, count: int) -> Any:
     return np.frombuffer((kind * count).from_address(at), np.dtype(kind))
 
 
-def _addresses(model: OneSidedModel, kernel: Kernel) -> dict[str, Any]:
+def _addresses(model: OneSidedModel, kernel: Kernel, *, time_stepping: bool) -> dict[str, Any]:
     """The fields of `Contacts` for the functions of the kernel."""
+    code = kernel.code
     return {
-        "advance": kernel.code.address("advance_to_event"),
-        "part_step": kernel.code.address("part_step"),
-        "start": kernel.code.address("start_contacts"),
-        "project": kernel.code.address("project_contacts"),
-        "readings": kernel.code.address("read_contacts"),
+        "advance": code.address("estimating_advance" if time_stepping else "advance_to_event"),
+        "part_step": code.address("part_step"),
+        "start": 0 if time_stepping else code.address("start_contacts"),
+        "project": 0 if time_stepping else code.address("project_contacts"),
+        "readings": code.address("read_contacts"),
         "terms": kernel.reader_address("contact_terms"),
         "response": kernel.reader_address("contact_response"),
         "restitution": kernel.reader_address("restitution"),
         "joint_loads": kernel.reader_address("joint_loads") if model.loaded else 0,
+    }
+
+
+NO_STEPPING = Stepping(0, 0, 0, 0, 0, np.zeros(0, dtype=np.int64), np.zeros(0))  # of steps from event to event
+
+
+def _stepping(model: OneSidedModel, kernel: Kernel, layout: CoordinateLayout) -> Stepping:
+    """The fields of `Contacts` for time stepping."""
+    places = [(layout.q[joint], layout.u[joint]) for joint in layout.u]
+    return Stepping(
+        kernel.code.address("project"),
+        kernel.reader_address("gaps_and_rates"),
+        kernel.reader_address("displaced"),
+        kernel.reader_address("powers"),
+        len(places),
+        np.array([(q.start, q.stop, u.start, u.stop) for q, u in places], dtype=np.int64).ravel(),
+        model.compliance,
+    )
+
+
+def _units(model: OneSidedModel) -> dict[str, Any]:
+    """The natural units among the fields of `Contacts`."""
+    return {
+        "unit_speed": model.units.speed,
+        "unit_rate": model.units.rate,
+        "unit_force": model.units.force,
+        "row_speeds": model.speeds,
+        "row_loads": model.loads,
+        "gap_units": model.gap_units,
     }
 
 

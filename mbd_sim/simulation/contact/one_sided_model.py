@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -282,7 +282,7 @@ def _row_names(one_sided: OneSidedEquations) -> tuple[str, ...]:
     return tuple(names)
 
 
-def address(array: Array) -> int:
+def address(array: NDArray[Any]) -> int:
     """The address of an array; of one that can be written to in a quarter of the time of `array.ctypes.data`."""
     if not array.flags.writeable:
         return array.ctypes.data
@@ -298,7 +298,9 @@ def guard_tolerance(equations: Equations) -> float:
     return GUARD_TOLERANCE * max(1.0, equations.constraints.size / equations.one_sided.equations.units.length)
 
 
-def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneSidedSystem:
+def one_sided_system(
+    equations: Equations, functions: OneSidedFunctions, *, time_stepping: bool = False
+) -> OneSidedSystem:
     """The system for `compile_kernel`, from the functions of the one-sided rows among the equations."""
     layout = functions.equations.layout
     rows = [element.rows[0] for element in functions.equations.frictions if element.joint is not None]
@@ -321,6 +323,7 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
             "contact_response": functions.response,
             "restitution": functions.restitution,
             "joint_loads": functions.loads,
+            **({"gaps_and_rates": functions.gaps_and_rates} if time_stepping else {}),
         },
         terms=FactoredSystem(functions.terms, functions.terms_factors),
         first_mode=equations.inputs.one_sided.start,
@@ -333,6 +336,7 @@ def one_sided_system(equations: Equations, functions: OneSidedFunctions) -> OneS
         tolerance=guard_tolerance(equations),
         gap_units=functions.equations.gap_units,
         slow=functions.equations.slow,
+        time_stepping=time_stepping,
     )
 
 

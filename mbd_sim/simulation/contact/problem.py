@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.linear_algebra import added
 from mbd_sim.compiler.ir.python_kinds import packed
 from mbd_sim.simulation.contact.compiled.instant.forces import ACCURATE, SLIPS, SOFTNESS, UNPRESSED, ForceProblem
 from mbd_sim.simulation.contact.compiled.library import called
@@ -115,7 +114,6 @@ def _followers(problem: ContactProblem, forces: Array, closed: Sequence[int]) ->
     return unit, constant, held
 
 
-SWEEPS = 400
 STIFFER, LEAST_RATIO = 10.0, 1.01  # ratios of the softnesses of supports that become rigid, from one to the next
 RIGID = 1e-13  # softness that is not distinguished from that of rigid ones
 FOLLOWED = 1e-12  # residual up to which forces of such supports are accepted
@@ -209,7 +207,8 @@ def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:
         return contact_forces(problem, settled=False), 0.0
     except NoSolutionError:
         scaled, scale = _scaled(problem)
-        swept = _sweep(scaled, np.zeros(len(problem.free)))
+        swept = np.zeros(len(problem.free))
+        called("sweep", scaled.packed, swept)
         polished, residual = _newton(scaled, swept)
         return polished * scale, residual
 
@@ -335,25 +334,6 @@ def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
     return ContactProblem(matrix, free / size, problem.normals, frictions, compliance), scale
 
 
-def _projected(problem: ContactProblem, trial: Array) -> Array:
-    """The nearest admissible forces to a trial, each element for itself."""
-    forces = trial.tolist()
-    for row in problem.normals:
-        forces[row] = max(forces[row], 0.0)
-    for friction in problem.frictions:
-        limit = friction.size * (1.0 if friction.normal is None else forces[friction.normal])
-        own = [forces[row] for row in friction.rows]
-        size = _length(own)
-        if size > limit:
-            for row, value in zip(friction.rows, own, strict=True):
-                forces[row] = value * (limit / size)
-    return np.array(forces)
-
-
-def _length(vector: Sequence[float]) -> float:
-    return math.sqrt(added([value * value for value in vector]))
-
-
 def _natural(problem: ContactProblem, forces: Array) -> float:
     """How far forces are from satisfying all conditions: see `compiled.forces.residual_of`."""
     n = len(forces)
@@ -364,20 +344,4 @@ def _natural(problem: ContactProblem, forces: Array) -> float:
 def _newton(problem: ContactProblem, forces: Array) -> tuple[Array, float]:
     """The best iterate of Newton's method, and the size of its residual: see `compiled.forces.newton`."""
     found = forces.astype(float)
-    return found, called("newton", problem.packed, found)
-
-
-def _sweep(problem: ContactProblem, forces: Array) -> Array:
-    """Projected Gauss–Seidel sweeps over the elements."""
-    forces = forces.copy()
-    groups = [[row] for row in problem.normals] + [list(friction.rows) for friction in problem.frictions]
-    for _ in range(SWEEPS):
-        for group in groups:
-            step = max(float(problem.matrix[row, row]) for row in group)
-            if step <= 0.0:
-                continue
-            trial = forces.copy()
-            for row in group:
-                trial[row] -= (problem.free[row] + added((problem.matrix[row] * forces).tolist())) / step
-            forces[group] = _projected(problem, trial)[group]
-    return forces
+    return found, called("newton", problem.packed, found, False)

@@ -165,13 +165,14 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         model.one_sided,
         model.kernel,
         len(model.start),
-        model.u_range,
+        model.layout,
         model.loss_range.start,
         mechanism.rest_speed,
         tolerance,
         driven,
         sorted(model.between_steps.held) if model.between_steps is not None else (),
         (len(model.inputs), model.history_size),
+        model.method.time_stepping,
     )
     arguments = (
         model.one_sided,
@@ -188,4 +189,4 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         return OneSidedStepper(*arguments)
     from mbd_sim.simulation.contact.time_stepping.stepper import TimeStepper
 
-    return TimeStepper(model.equations, *arguments)
+    return TimeStepper(model.equations, model.kernel, *arguments)

@@ -13,6 +13,7 @@ import casadi as ca
 from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES, LOSS_STATES
 from mbd_sim.integrators.method import Method
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.method_choice import MethodChoice, choose_method, require_one_sided_method
@@ -106,11 +107,11 @@ def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
     if equations.one_sided is not None:
         from mbd_sim.simulation.contact.one_sided_model import one_sided_system
 
-        one_sided = one_sided_system(equations, equations.one_sided)
+        one_sided = one_sided_system(equations, equations.one_sided, time_stepping=choice.method.time_stepping)
     return compile_kernel(
         equations.rates,
         equations.project,
-        _readers(equations),
+        _readers(equations, choice.method),
         choice.method,
         equations.core,
         partial(partial_system, equations, choice.method),
@@ -121,9 +122,9 @@ def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
     )
 
 
-def _readers(equations: Equations) -> Mapping[str, ca.Function]:
+def _readers(equations: Equations, method: Method) -> Mapping[str, ca.Function]:
     """The functions of the state that are compiled with the steps."""
-    readers = {
+    readers: dict[str, ca.Function] = {
         "energies": equations.energies,
         "poses": equations.poses,
         "drives": equations.drives,
@@ -135,4 +136,20 @@ def _readers(equations: Equations) -> Mapping[str, ca.Function]:
         readers["contact_places"] = equations.one_sided.places
     if equations.actuators is not None:
         readers["actuators"] = equations.actuators.readings
+    if method.time_stepping and equations.one_sided is not None:
+        readers |= _readers_of_time_stepping(equations)
     return readers
+
+
+def _readers_of_time_stepping(equations: Equations) -> Mapping[str, ca.Function]:
+    """(q, displacement) -> the displaced q, and (t, y, inputs) -> the powers in the account, with everything open."""
+    rates, displaced = equations.rates, equations.constraints.traced.displaced
+    t, y, inputs = (ca.SX.sym(name, rates.size_in(index)) for index, name in enumerate("tye"))
+    q, displacement = (ca.SX.sym(name, displaced.size_in(index)) for index, name in enumerate("qd"))
+    moved = displaced.call([q, displacement, ca.SX.zeros(displaced.size_in(2))])[0]  # which has no parameters
+    first = rates.nnz_out(0) - len(AUDIT_STATES) - len(LOSS_STATES)
+    powers = rates.call([t, y, inputs])[0][first:]
+    return {
+        "displaced": ca.Function("displaced", [q, displacement], [ca.densify(moved)]),
+        "powers": ca.Function("powers", [t, y, inputs], [ca.densify(powers)], {"cse": True}),
+    }

@@ -304,7 +304,7 @@ class Model:
 
     @property
     def steps_in_python(self) -> bool:
-        """Whether each step needs Python: bodies touch with features that change, or contacts act once in each step."""
+        """Whether each call needs Python: bodies touch with features that change, or contacts act once in each step."""
         if self.one_sided is None:
             return False
         return self.one_sided.features is not None or self.method.time_stepping

@@ -368,7 +368,7 @@ joints:
     assert sim.losses.friction == pytest.approx(1.0, rel=1e-12)
 
 
-def no_solution(p: ForceProblem, forces: Array) -> float:
+def no_solution(p: ForceProblem, forces: Array, is_regular: bool) -> float:
     """In place of Newton's method; compiled."""
     return 1.0
 

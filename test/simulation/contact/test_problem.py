@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from mbd_sim.simulation.contact.compiled.library import called
 from mbd_sim.simulation.contact.complementarity import independent, lemke, solve
-from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
+from mbd_sim.simulation.contact.problem import (
+    ContactProblem,
+    FrictionLimit,
+    NoSolutionError,
+    contact_forces,
+    nearest_forces,
+)
 
 
 def violations(problem, forces):
@@ -150,3 +157,25 @@ def test_where_rows_depend_on_each_other_and_cannot_all_rest_some_slide():
     for seed in range(60):
         problem = wheels_on_an_axle(seed)
         assert max(violations(problem, contact_forces(problem))) < 1e-9, seed
+
+
+def test_the_nearest_forces_solve_what_can_be_solved_beside_a_contact_that_jams():
+    """Nothing moves the first gap, which closes by the time alone; the second contact slides beside it."""
+    matrix = np.zeros((3, 3))
+    matrix[1:, 1:] = [[2.0, 0.5], [0.5, 1.0]]
+    problem = ContactProblem(matrix, np.array([-1.0, -4.0, 3.0]), [0, 1], [FrictionLimit((2,), 1, 0.3)])
+    forces, residual = nearest_forces(problem)
+    assert residual > 0.1
+    normal = 4.0 / (2.0 - 0.3 * 0.5)
+    assert forces[1:] == pytest.approx([normal, -0.3 * normal], rel=1e-12)
+
+
+def test_sweeps_approach_the_forces():
+    """Newton's method starts from them where all else fails; friction along one and two directions, with and without load."""
+    random = np.random.default_rng(4)
+    gradient = random.normal(size=(7, 12)) + 3.0 * np.eye(7, 12)
+    frictions = [FrictionLimit((2, 3), 0, 0.4), FrictionLimit((4,), 1, 0.6), FrictionLimit((5, 6), None, 0.2)]
+    problem = ContactProblem(gradient @ gradient.T, np.array([-8.0, -5, 3, 4, -9, 9, 1]), [0, 1], frictions)
+    swept = np.zeros(7)
+    called("sweep", problem.packed, swept)
+    assert swept == pytest.approx(contact_forces(problem), abs=1e-12)

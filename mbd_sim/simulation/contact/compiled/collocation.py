@@ -14,7 +14,7 @@ import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
-    PROJECT,
+    READ,
     START,
     Contacts,
     guard_at,
@@ -62,7 +62,7 @@ def collocated(
     time[0] = t + length
     for i in range(c.size):
         state[i] = y[i] + length * weighted(c, s, STAGES, i)
-    PROJECT(c.project, time, state, inputs, projected)
+    READ(c.project, time, state, inputs, projected)
     for i in range(c.size):
         state[i] = projected[i]
     return error

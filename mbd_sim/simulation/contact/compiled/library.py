@@ -15,7 +15,16 @@ from mbd_sim.compiler.code.host_module import new_module
 from mbd_sim.compiler.code.machine_code import compile_once
 from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
-from mbd_sim.simulation.contact.compiled import collocation, members, pairs, search, sliding, slip, step
+from mbd_sim.simulation.contact.compiled import (
+    collocation,
+    members,
+    pairs,
+    search,
+    sliding,
+    slip,
+    step,
+    time_stepping,
+)
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
     crossings,
@@ -30,7 +39,17 @@ from mbd_sim.simulation.contact.compiled.features import (
     smooth,
     vectors,
 )
-from mbd_sim.simulation.contact.compiled.instant import candidate_forces, contacts, forces, impact, linear, modes
+from mbd_sim.simulation.contact.compiled.instant import (
+    candidate_forces,
+    contacts,
+    forces,
+    impact,
+    linear,
+    modes,
+    shared_forces,
+    step_impulses,
+    step_modes,
+)
 
 MODULES: tuple[ModuleType, ...] = (
     barrels,
@@ -53,21 +72,27 @@ MODULES: tuple[ModuleType, ...] = (
     polytopes,
     round_bodies,
     search,
+    shared_forces,
     sliding,
     slip,
     smooth,
     step,
+    step_impulses,
+    step_modes,
+    time_stepping,
     vectors,
 )
 EXPORTED: tuple[Callable[..., Any], ...] = (
     members.advance_members,
     step.advance,
+    time_stepping.advance_by_time_stepping,
     pairs.end_step,
     pairs.renew,
     forces.unique_forces,
     forces.residual_of,
     forces.newton,
     forces.by_lemke,
+    forces.sweep,
     linear.solve,
     linear.null_space,
     linear.least,

@@ -7,6 +7,7 @@ from typing import cast
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 from mbd_sim.simulation.contact.compiled.step import CAPACITY, DONE, FIELDS, NOT_FINITE, advance
+from mbd_sim.simulation.contact.compiled.time_stepping import advance_by_time_stepping
 
 
 def advance_members(
@@ -34,7 +35,10 @@ def advance_members(
             kept[i] = own[i]
         for i in range(inputs_size):
             saved[i] = given[i]
-        advance(c, own, given, first, h, steps, estimates[member:], events, counts)
+        if c.time_stepping:
+            advance_by_time_stepping(c, own, given, first, h, steps, estimates[member:], events, counts)
+        else:
+            advance(c, own, given, first, h, steps, estimates[member:], events, counts)
         if counts[1] == DONE:
             continue
         for i in range(size):

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
+from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.math.expressions import evaluated
 from mbd_sim.simulation.contact.candidates import RESTING
 from mbd_sim.simulation.contact.compiled.instant.forces import ACCURATE
+from mbd_sim.simulation.contact.compiled.step import HARD, NOT_FINITE
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedReadings, address
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 from mbd_sim.simulation.contact.stepper import EventError, OneSidedStepper
@@ -48,20 +50,16 @@ class TimeStepper(OneSidedStepper):
     `unsolved` counts the steps whose impulses do not satisfy all laws.
     """
 
-    def __init__(self, equations: Equations, *arguments: Any) -> None:
-        """:param equations: of the mechanism.
+    def __init__(self, equations: Equations, kernel: Kernel, *arguments: Any) -> None:
+        """:param equations: of the mechanism, and `kernel` the compiled ones.
 
         :param arguments: those of `OneSidedStepper`.
         """
         super().__init__(*arguments)
+        self._kernel = kernel
         self._layout, self._constraints, self._open_rates = equations.layout, equations.constraints, equations.rates
         self._alone = [index for index, (_, gap) in enumerate(self._model.frictions) if gap is None]
         self.unsolved = 0
-
-    @property
-    def is_compiled(self) -> bool:
-        """See `OneSidedStepper`."""
-        return False
 
     def find_modes(self, time: float, y: Array, inputs: Array) -> None:
         """See `OneSidedStepper`. Where contacts have no solution, they are open until the next step."""
@@ -79,10 +77,19 @@ class TimeStepper(OneSidedStepper):
         before, modes, first = y.copy(), inputs.copy(), int(counter[0])
         self._new.clear()
         try:
-            for step in range(first, first + n):
-                self._take(y, inputs, step, h, estimate)
+            step = first
+            while step < first + n:
+                taken, status = self._contacts.advance_by_time_stepping(y, inputs, step, h, first + n - step, estimate)
+                self._note_compiled()
+                step += taken
+                if status == NOT_FINITE:
+                    raise FloatingPointError
+                if status == HARD:
+                    self._take(y, inputs, step, h, estimate)
+                    step += 1
         except BaseException as error:  # Ctrl-C included, after which state and time must belong together
             y[:], inputs[:] = before, modes
+            self._contacts.events()
             if isinstance(error, FloatingPointError):
                 return False
             raise
@@ -110,13 +117,10 @@ class TimeStepper(OneSidedStepper):
         self._record_changes(free.end, old, model.modes(inputs))
 
     def _free_step(self, y: Array, inputs: Array, step: int, h: float, estimate: Array) -> FreeStep:
-        before, kernel = y.copy(), self._model.kernel
-        taken = kernel.advance_to_event(address(y), address(inputs), step, h, 1, address(estimate))
-        before[self._contacts.held] = y[self._contacts.held]
-        if taken == 0:  # a guard is negative at the end, which is no event here
-            taken = kernel.part_step(address(y), address(inputs), step * h, h)
-        if taken < 0:
+        before = y.copy()
+        if not self._kernel.estimating_advance(address(y), address(inputs), step, h, 1, address(estimate)):
             raise FloatingPointError
+        before[self._contacts.held] = y[self._contacts.held]
         return FreeStep(step * h, h, before, y.copy())
 
     def _closing(self, readings: OneSidedReadings, h: float) -> Mask:
@@ -144,7 +148,7 @@ class TimeStepper(OneSidedStepper):
         y[account] = free.before[account] + h * powers  # of the motion with these impulses
         modes = model.modes(inputs)
         resting_modes(model, terms, found, modes)
-        if model.kernel.part_step(address(y), address(inputs), free.end, 0.0) < 0:
+        if model.kernel.project(address(y), address(inputs), free.end) < 0:
             raise FloatingPointError
         add_sliding(model, terms, found, modes)
         self._keep_account(free, y, inputs, found)

@@ -57,22 +57,22 @@ def read_joint_loads(c: Contacts, t: float, y: Array, inputs: Array, loads: Arra
         READ(c.joint_loads, time, y, inputs, loads)
 
 
-def load_component(c: Contacts, s: Search, load: int, component: int, forces: Array) -> float:
+def load_component(c: Contacts, joint_loads: Array, load: int, component: int, forces: Array) -> float:
     """A component of the force of a joint with a load, with contact forces (rows,)."""
     first, k = c.load_offsets[load], c.load_components[load]
-    total = s.joint_loads[first + component]
+    total = joint_loads[first + component]
     for row in range(c.rows):
-        total += s.joint_loads[first + k * (1 + row) + component] * forces[row]
+        total += joint_loads[first + k * (1 + row) + component] * forces[row]
     return total
 
 
-def load_of(c: Contacts, s: Search, element: int, forces: Array) -> float:
+def load_of(c: Contacts, joint_loads: Array, element: int, forces: Array) -> float:
     """The size of the force of a joint on which the friction of an element depends; 1 without such."""
     load, square = c.friction_loads[element], 0.0
     if load < 0:
         return 1.0
     for component in range(c.load_components[load]):
-        part = load_component(c, s, load, component, forces)
+        part = load_component(c, joint_loads, load, component, forces)
         square += part * part
     return math.sqrt(square)
 
@@ -168,7 +168,7 @@ def find_forces_and_loads(c: Contacts, s: Search) -> bool:
         change, largest = 0.0, 0.0
         for load in range(c.loaded):
             k = c.load_elements[load]
-            new = load_of(c, s, k, s.forces)
+            new = load_of(c, s.joint_loads, k, s.forces)
             change = max(change, abs(new - s.loads[k]))
             largest = max(largest, new)
             s.loads[k] = new

@@ -10,26 +10,43 @@ from mbd_sim.dynamics.contact.one_sided_equations import SLIDING
 ADVANCE = External("int", ("Array", "Array", "int", "float", "int", "Array"))
 PART_STEP = External("int", ("Array", "Array", "float", "float"))
 START = External("int", ("Array", "Array", "Array", "Array", "Array"))
-PROJECT = External("None", ("Array", "Array", "Array", "Array"))
 READ_INPUTS = External("None", ("Array", "Array"))
 READ_STATE = External("None", ("Array", "Array", "Array"))
 READ = External("None", ("Array", "Array", "Array", "Array"))
+PROJECT = External("int", ("Array", "Array", "float"))
 READ_RESPONSE = External("None", ("Array", "Array", "Array", "Array", "Array"))
 DECIDE = External("int", ("float", "Integers", "Array", "Integers", "Integers", "int"))
 NOTE = External("None", ())
 
 
 @dataclass(frozen=True)
+class Stepping:
+    """What time stepping needs besides; see `emit_time_stepping` and the readers of the kernel for the addresses.
+
+    The `joints` have their coordinates and speeds at `joint_places`: from 4 j and before 4 j + 1, from 4 j + 2 and
+    before 4 j + 3. The `compliance` (rows,) is that of elastic supports.
+    """
+
+    project: int
+    gaps_and_rates: int
+    displaced: int
+    powers: int
+    joints: int
+    joint_places: Integers
+    compliance: Array
+
+
+@dataclass(frozen=True)
 class Contacts:
     """See `mbd_sim.simulation.contact.one_sided_model.OneSidedModel` for most of the numbers.
 
-    Where the contacts are not `simple`, all events are left to `decide`.
+    Where the contacts are not `simple`, all events are left to `decide`, and all steps of time stepping to others.
 
-    Addresses: `advance` to the next event, `part_step`, `start` (slopes and readings), `project` onto the constraints,
-    `readings`, `poses`, `terms`, `response`, `restitution`, `joint_loads`, and `energies`, which is 0 where these need
-    not be known at impacts: where nothing is `driven`, and nobody observes them. `decide` makes the changes of an event
-    that is not simple, and `note` takes the events that have been recorded; where they are 0, such steps are left to
-    others, and events are forgotten.
+    Addresses: `advance` to the next event, or with `time_stepping` by free steps, `part_step`, `readings`, `poses`,
+    `terms`, `response`, `restitution`, `joint_loads`, and `energies`, which is 0 where these need not be known at
+    impacts: where nothing is `driven`, and nobody observes them. `start` (slopes and readings) and `project` onto the
+    constraints are 0 with `time_stepping`. `decide` makes the changes of an event that is not simple, and `note` takes
+    the events that have been recorded; where they are 0, such steps are left to others, and events are forgotten.
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
     that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. There are
@@ -46,6 +63,8 @@ class Contacts:
     """
 
     simple: bool
+    time_stepping: bool
+    stepping: Stepping
     advance: int
     part_step: int
     start: int

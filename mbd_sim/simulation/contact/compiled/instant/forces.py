@@ -9,13 +9,14 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.instant.linear import lemke, pivots, solve
+from mbd_sim.simulation.contact.compiled.instant.linear import lemke, pivots, solve, solve_regular
 
 SOFTNESS = 1e-6  # of elastic supports, relative to the largest diagonal entry
 SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at its limit slides
 UNPRESSED = 1e-9  # of the largest force, that counts as none where a support is left out or added
 ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
 NEWTON_STEPS = 40
+SWEEPS = 400
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class ForceProblem:
 
 def unique_forces(p: ForceProblem, forces: Array) -> bool:
     """λ (n,) that satisfies all conditions, if it is found quickly and the only one."""
-    scale, start = zeros(p.n), zeros(p.n)
+    scale = zeros(p.n)
     matrix, free, sizes = zeros(p.n * p.n), zeros(p.n), zeros(p.frictions)
     if p.n == 0:
         return True
@@ -47,16 +48,22 @@ def unique_forces(p: ForceProblem, forces: Array) -> bool:
     scaled = ForceProblem(
         p.n, matrix, free, p.normals, p.normal_rows, p.frictions, p.friction_rows, p.loads, sizes
     )  # fmt: skip
-    found = by_lemke(scaled, forces) and newton(scaled, forces) <= ACCURATE
-    if not found:
-        for i in range(p.n):
-            forces[i] = start[i]
-        found = newton(scaled, forces) <= ACCURATE
-    if not found or not ((p.normals < 2 and p.frictions < 2) or is_unique(scaled, forces)):
+    if not quick_forces(scaled, forces):
+        return False
+    if not ((p.normals < 2 and p.frictions < 2) or is_unique(scaled, forces)):
         return False
     for i in range(p.n):
         forces[i] = forces[i] * scale[i]
     return True
+
+
+def quick_forces(p: ForceProblem, forces: Array) -> bool:
+    """λ (n,) that satisfies all conditions of a scaled problem, if it is found quickly; perhaps one of several."""
+    if by_lemke(p, forces) and newton(p, forces, False) <= ACCURATE:
+        return True
+    for i in range(p.n):
+        forces[i] = 0.0
+    return newton(p, forces, False) <= ACCURATE
 
 
 def scaled_problem(p: ForceProblem, matrix: Array, free: Array, sizes: Array, scale: Array) -> None:
@@ -186,8 +193,11 @@ def residual_of(p: ForceProblem, forces: Array, trial: Array, natural: Array) ->
     return largest / (1.0 + size)
 
 
-def newton(p: ForceProblem, forces: Array) -> float:
-    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991): the best iterate, and the size of its residual."""
+def newton(p: ForceProblem, forces: Array, is_regular: bool) -> float:
+    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991): the best iterate, and the size of its residual.
+
+    :param is_regular: rows do not depend on each other.
+    """
     n = p.n
     trial, natural, best, change = zeros(n), zeros(n), zeros(n), zeros(n)
     jacobian = zeros(n * n)
@@ -197,10 +207,14 @@ def newton(p: ForceProblem, forces: Array) -> float:
     for i in range(n):
         best[i] = forces[i]
     for _ in range(NEWTON_STEPS):
-        jacobian_of(p, trial, jacobian)
+        if is_regular:
+            jacobian_of(p, trial, jacobian)
         for i in range(n):
             natural[i] = -natural[i]
-        solve(n, jacobian, natural, change)
+            change[i] = natural[i]
+        if not is_regular or not solve_regular(n, jacobian, change):
+            jacobian_of(p, trial, jacobian)
+            solve(n, jacobian, natural, change)
         for i in range(n):
             forces[i] = forces[i] + change[i]
         found = residual_of(p, forces, trial, natural)
@@ -218,6 +232,40 @@ def newton(p: ForceProblem, forces: Array) -> float:
     for i in range(n):
         forces[i] = best[i]
     return least
+
+
+def sweep(p: ForceProblem, forces: Array) -> None:
+    """Projected Gauss–Seidel sweeps over the elements, from some forces λ (n,) on."""
+    for _ in range(SWEEPS):
+        for i in range(p.normals):
+            row = p.normal_rows[i]
+            diagonal = p.matrix[row * p.n + row]
+            if diagonal > 0.0:
+                forces[row] = max(forces[row] - rate_of(p, forces, row) / diagonal, 0.0)
+        for k in range(p.frictions):
+            first, second = p.friction_rows[2 * k], p.friction_rows[2 * k + 1]
+            along, across, diagonal = rate_of(p, forces, first), 0.0, p.matrix[first * p.n + first]
+            if second >= 0:
+                across, diagonal = rate_of(p, forces, second), max(diagonal, p.matrix[second * p.n + second])
+            if not diagonal > 0.0:
+                continue
+            forces[first] = forces[first] - along / diagonal
+            if second >= 0:
+                forces[second] = forces[second] - across / diagonal
+            limit = p.sizes[k] * (1.0 if p.loads[k] < 0 else max(forces[p.loads[k]], 0.0))
+            length = length_of(p.friction_rows, k, forces)
+            if length > limit:
+                forces[first] = forces[first] * (limit / length)
+                if second >= 0:
+                    forces[second] = forces[second] * (limit / length)
+
+
+def rate_of(p: ForceProblem, forces: Array, row: int) -> float:
+    """The rate of a row."""
+    total = 0.0
+    for j in range(p.n):
+        total += p.matrix[row * p.n + j] * forces[j]
+    return p.free[row] + total
 
 
 def jacobian_of(p: ForceProblem, trial: Array, jacobian: Array) -> None:

@@ -16,34 +16,33 @@ ZERO_ENTRY = 1e-12  # relative size below which an entry of the tableau counts a
 
 def triangular(m: int, n: int, k: int, a: Array, columns: Integers) -> int:
     """Reduce [matrix (m, n) | right (m, k)] to triangular form, in place; the order of the n columns, and the rank."""
-    width = n + k
-    largest = 0.0
+    width, done, row, column, pivot, factor, size = n + k, 0, 0, 0, -1.0, 0.0, 0.0
     for j in range(n):
         columns[j] = j
     for i in range(m):
         for j in range(n):
             size = abs(a[i * width + j])
-            if size > largest or size != size:
-                largest = size
-    done = 0
-    while done < m and done < n:
-        row, column, pivot = done, done, abs(a[done * width + done])
-        for i in range(done, m):
-            for j in range(done, n):
-                size = abs(a[i * width + j])
-                if size > pivot:
-                    row, column, pivot = i, j, size
-        if not pivot > SINGULAR * largest:
-            break
+            if size > pivot or size != size:
+                row, column, pivot = i, j, size
+    largest = max(pivot, 0.0)
+    while done < m and done < n and pivot > SINGULAR * largest:
         for j in range(width):
             a[done * width + j], a[row * width + j] = a[row * width + j], a[done * width + j]
         for i in range(m):
             a[i * width + done], a[i * width + column] = a[i * width + column], a[i * width + done]
         columns[done], columns[column] = columns[column], columns[done]
+        pivot = -1.0
+        base = a[done * width :]
         for i in range(done + 1, m):
-            factor = a[i * width + done] / a[done * width + done]
-            for j in range(done + 1, width):
-                a[i * width + j] -= factor * a[done * width + j]
+            own = a[i * width :]
+            factor = own[done] / base[done]
+            for j in range(done + 1, n):
+                own[j] -= factor * base[j]
+                size = abs(own[j])
+                if size > pivot:
+                    row, column, pivot = i, j, size
+            for j in range(n, width):
+                own[j] -= factor * base[j]
         done += 1
     return done
 
@@ -74,6 +73,35 @@ def solve(n: int, matrix: Array, right: Array, x: Array) -> None:
         x[i] = 0.0
     for i in range(rank):
         x[columns[i]] = found[i]
+
+
+def solve_regular(n: int, a: Array, x: Array) -> bool:
+    """Solve a square system of which x is the right side, and `a` the matrix, which changes; False if it is singular.
+
+    With row exchanges alone, in less than half of the time of `solve`.
+    """
+    largest = 0.0
+    for i in range(n * n):
+        largest = max(largest, abs(a[i]))
+    for done in range(n):
+        row = done
+        for i in range(done + 1, n):
+            row = i if abs(a[i * n + done]) > abs(a[row * n + done]) else row
+        if not abs(a[row * n + done]) > SINGULAR * largest:
+            return False
+        for j in range(done, n):
+            a[done * n + j], a[row * n + j] = a[row * n + j], a[done * n + j]
+        x[done], x[row] = x[row], x[done]
+        base = a[done * n :]
+        for i in range(done + 1, n):
+            own = a[i * n :]
+            factor = own[done] / base[done]
+            if factor != 0.0:
+                for j in range(done + 1, n):
+                    own[j] -= factor * base[j]
+                x[i] -= factor * x[done]
+    back_substitute(n, n, a, x)
+    return True
 
 
 def null_space(m: int, n: int, matrix: Array, basis: Array) -> int:
@@ -126,6 +154,12 @@ def pivots(n: int, matrix: Array, columns: Integers) -> int:
     for i in range(n * n):
         a[i] = matrix[i]
     return triangular(n, n, 0, a, columns)
+
+
+def rank_of(n: int, matrix: Array) -> int:
+    """How many columns of a square matrix are independent."""
+    order = integers(n)
+    return pivots(n, matrix, order)
 
 
 def unit_diagonal(n: int, matrix: Array, factors: Array) -> None:

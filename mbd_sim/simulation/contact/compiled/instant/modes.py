@@ -95,7 +95,7 @@ def begin(c: Contacts, s: Search, readings: Array, sliding: Integers) -> None:
     """The states of friction before any force is known."""
     s.order[0] = 0
     for k in range(c.frictions):
-        s.loads[k] = load_of(c, s, k, readings[force_at(c, 0) :])
+        s.loads[k] = load_of(c, s.joint_loads, k, readings[force_at(c, 0) :])
         gap, first = c.friction_gaps[k], c.friction_rows[2 * k]
         s.states[k] = ABSENT
         if gap >= 0 and not s.touching[gap]:
@@ -229,17 +229,17 @@ def write_modes(c: Contacts, s: Search, inputs: Array) -> bool:
                     inputs[direction_at(c, row)] = s.directions[row]
     for load in range(c.loaded):
         if c.load_components[load] > 0:
-            set_sign(c, s, load, inputs)
+            set_sign(c, s.joint_loads, load, s.forces, inputs)
     return True
 
 
-def set_sign(c: Contacts, s: Search, load: int, inputs: Array) -> None:
+def set_sign(c: Contacts, joint_loads: Array, load: int, forces: Array, inputs: Array) -> None:
     """Write the sign of the first component of a load; one that is zero keeps its own."""
     first, k, position = c.load_offsets[load], c.load_components[load], c.first_mode + 2 * c.rows + load
-    size = abs(s.joint_loads[first])
+    size = abs(joint_loads[first])
     for row in range(c.rows):
-        size += abs(s.joint_loads[first + k * (1 + row)] * s.forces[row])
-    value = load_component(c, s, load, 0, s.forces)
+        size += abs(joint_loads[first + k * (1 + row)] * forces[row])
+    value = load_component(c, joint_loads, load, 0, forces)
     if abs(value) > LOAD_ROUND_OFF * (c.unit_force + size):
         inputs[position] = -1.0 if value < 0.0 else 1.0
     elif inputs[position] == 0.0:
@@ -305,7 +305,7 @@ def overload(c: Contacts, s: Search, readings: Array, inputs: Array) -> bool:
         if not is_active or slides(c, inputs, k):
             continue
         force = length_along(c, k, readings[force_at(c, 0) :])
-        load = load_of(c, s, k, readings[force_at(c, 0) :]) if gap < 0 else readings[force_at(c, gap)]
+        load = load_of(c, s.joint_loads, k, readings[force_at(c, 0) :]) if gap < 0 else readings[force_at(c, gap)]
         scale = c.row_loads[first] * (1.0 + size)
         if force > friction_size(c, s.terms, k, 1) * load + OVERLOAD * scale:
             s.overloaded[k] = 1
