@@ -19,8 +19,8 @@ import llvmlite.binding as llvm
 
 # Instructions contain the distances of constants, which are therefore operands of other instructions.
 ADDRESSES = {"reloc": "pic", "codemodel": "small"}
-# What LLVM does before it generates code, by the level of its code generator. At level 0, which is for tests, passes take
-# a fifth of the compilation, and steps are as fast without them.
+# What LLVM does before it generates code, by the level of its code generator. At level 0, which is for tests, passes
+# would take a fifth of the compilation, and steps are as fast without them.
 PASSES = {
     0: (),
     1: ("always_inliner", "sroa", "new_gvn", "simplify_cfg", "dead_store_elimination"),
