@@ -56,7 +56,7 @@ QUICKLY_COMPILED = {
 QUICKLY_COMPILED_PARTS = ("compiler/steps/", "compiler/taylor/", "compiler/test_kernel")
 WAITING = ("system", "examples", "lab/page")  # whose tests start nodes, or share a browser, and wait for them
 LONG_TESTS = {
-    "test_processes_with_other_hashes_and_linear_algebra_derive_and_compute_the_same",
+    "test_a_process_with_other_hashes_and_linear_algebra_derives_and_computes_the_same",
     "test_random_mechanisms_with_loops_and_constraints",
 }
 

@@ -109,21 +109,19 @@ def digests():
     )
 
 
-def test_processes_with_other_hashes_and_linear_algebra_derive_and_compute_the_same():
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MBD_SIM_CACHE": "off", "PYTHONWARNINGS": "ignore"}
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-m", "test.simulation.model.test_same_bits"],
-            env=environment | {"OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": seed} | own,
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for seed, own in (("1", {}), ("2", OLD_PROCESSOR))
-    ]
-    outputs = [process.communicate()[0] for process in processes]
-    assert [process.returncode for process in processes] == [0, 0]
-    first, other = map(json.loads, outputs)
+def test_a_process_with_other_hashes_and_linear_algebra_derives_and_computes_the_same(own_builds, monkeypatch):
+    """Beside this process, in which Python chose the seed and other tests ran before."""
+    monkeypatch.setenv("MBD_SIM_CACHE", "off")
+    environment = {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "ignore", "PYTHONHASHSEED": "2"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "test.simulation.model.test_same_bits"],
+        env=os.environ | environment | {"OPENBLAS_NUM_THREADS": "1"} | OLD_PROCESSOR,
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    first, other = digests(), json.loads(process.communicate()[0])
+    assert process.returncode == 0
     assert len(first) == len(FEATURES) + len(SAMPLE) + 3
     assert [name for name in first if first[name] != other[name]] == []
 

@@ -141,6 +141,8 @@ def found(text):
         ("where(t < 2, 0, 1e-6)", [("position", 1e-6, 2.0)]),
         ("max(0, 2*t - 6)", [("speed", 2.0, 3.0)]),
         ("mod(3*t, 6) ", [("position", -6.0, 2.0), ("position", -6.0, 4.0)]),
+        # It is less than smooth changes within a step: differences from the slopes tell it from these.
+        ("sin(40*t) + where(t < 2, 0, 0.01)", [("position", 0.01, 2.0)]),
     ],
 )
 def test_jumps_are_located(text, expected):

@@ -3,7 +3,7 @@
 from fractions import Fraction
 
 import sympy as sp
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mbd_sim.studies.algebra.evaluation import expression
@@ -33,6 +33,7 @@ def combined(algebra, components, factors):
 factors = st.lists(st.integers(-3, 3), min_size=10, max_size=10)
 
 
+@settings(max_examples=25)
 @given(factors, factors)
 def test_a_product_is_divided_by_its_factors(first, second):
     algebra, components = quaternion()
