@@ -1,6 +1,7 @@
 """Runs notebooks and snippets of the pages in this process."""
 
 import contextlib
+import itertools
 import re
 import shlex
 import shutil
@@ -15,6 +16,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism
+from mbd_sim.pictures.drawing import animation
 
 CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 QUIET = ("run", "verify", "rerun-with", "plot", "export")
@@ -68,19 +70,24 @@ def _coarser(words):
 
 @contextlib.contextmanager
 def undrawn():
-    """Compose pictures, but do not draw them, which takes most of the time of a page: they are empty, or white."""
+    """Compose pictures, but do not draw them, which takes most of the time of a page: they are empty, or white.
+
+    Animations have their first two frames.
+    """
 
     def touch(figure, path, **_):
         path.write(b"") if hasattr(path, "write") else Path(path).write_bytes(b"")
 
     kept = Figure.savefig, Figure.draw_without_rendering, FigureCanvasAgg.draw, ConstrainedLayoutEngine.execute
     Figure.savefig, Figure.draw_without_rendering = touch, lambda figure: None
+    images, animation._images = animation._images, lambda frames: images(itertools.islice(frames, 2))
     FigureCanvasAgg.draw = lambda canvas: canvas.get_renderer()
     ConstrainedLayoutEngine.execute = lambda engine, figure: None
     try:
         yield
     finally:
         Figure.savefig, Figure.draw_without_rendering, FigureCanvasAgg.draw, ConstrainedLayoutEngine.execute = kept
+        animation._images = images
 
 
 def snippets(text):
