@@ -122,7 +122,7 @@ ROUND_OFF = 1e-14  # rad or relative to 1: values at three places that differ by
 def least_place(
     function: Callable[[float], float], low: float, high: float, tolerance: float, middle: float | None = None
 ) -> float:
-    """The place between two others at which a function with one minimum there is least, by Brent's method.
+    """The place between two others, in any order, at which a function with one minimum there is least, by Brent's method.
 
     Steps to the minimum of the parabola through the three lowest points alternate with golden sections, which also find
     a minimum at a kink. See Brent (1973), chapter 5.
@@ -130,7 +130,7 @@ def least_place(
     :param tolerance: of the place, relative to the interval.
     :param middle: where to begin.
     """
-    low, high = float(low), float(high)
+    low, high = sorted((float(low), float(high)))
     tolerance *= high - low
     best = low + SHORTER * (high - low) if middle is None else middle
     at_best = float(function(best))

@@ -107,7 +107,7 @@ joints:
   flight: {type: free, between: [ground, body], angular_velocity: [0.01, 2, 0.01]}
   height: {type: prismatic, between: [ground, ball], axis: [0, 0, 1], position: 0.05}
 actuators:
-  motor: {type: effort, joint: shaft, effort_limit: 20, servo: {controls: velocity, kp: 3, ki: 5, sample_rate: 100}, command: {velocity: 0.5}}
+  motor: {type: effort, joint: shaft, effort_limit: 20, delay: 4 ms, servo: {controls: velocity, kp: 3, ki: 5, sample_rate: 100}, command: {velocity: 0.5}}
 constraints:
   floor: {type: on_plane, point: ball, bound: at_least, restitution: 0.5}
 integrator: {step: 1 ms}
@@ -117,7 +117,10 @@ integrator: {step: 1 ms}
 def test_a_file_that_only_looks_different_changes_nothing(tmp_path):
     """Drives that are functions of time, integrals of servos, contacts and orientations go on with the same bits."""
     edited = Edited(tmp_path / "edited.yaml", OF_ALL_KINDS)
-    edited.session.step(150)
+    edited.simulation.set_commands({"motor": 0.8})
+    edited.session.step(148)
+    edited.simulation.set_commands({"motor": 0.7})
+    edited.session.step(2)  # the command before is on its way
     assert edited.simulation.contact_events  # the ball has rebounded
     before = edited.simulation
     edited.save(edited.text + "\n# a remark\n")

@@ -37,4 +37,5 @@ def test_minima_inside_and_at_kinks_are_found_from_anywhere(function, most):
 
 def test_the_end_of_an_interval_is_the_least_of_a_monotone_function():
     assert least_place(lambda x: x, 1.0, 3.0, 1e-6) == pytest.approx(1.0, abs=1e-5)
+    assert least_place(lambda x: x, 3.0, 1.0, 1e-6) == pytest.approx(1.0, abs=1e-5)  # it searched without end
     assert least_place(lambda x: -x, 1.0, 3.0, 1e-6) == pytest.approx(3.0, abs=1e-5)
