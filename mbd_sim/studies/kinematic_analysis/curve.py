@@ -34,7 +34,7 @@ VANISHING = 1e-6  # margin that counts as zero, at a point found to round-off
 FARTHEST = 0.5  # rad, or sizes of the mechanism, within which a dead point is sought
 NODES = np.array([-1.0, -0.85, -0.6, -0.35, 0.35, 0.6, 0.85, 1.0])  # of the interpolation about a change point
 NEIGHBORHOOD = 0.06  # rad, or sizes of the mechanism, of this interpolation
-NEARLY = 5e-4  # tolerance of the place of the least margin, relative to the interval
+SECTIONS = 16  # of the golden section search for the least margin
 
 Kind = Literal["dead point", "change point"]
 
@@ -113,7 +113,7 @@ def _lowest(line: DriveLine, low: CurvePoint, middle: CurvePoint, high: CurvePoi
         found = _at(line, low, high, s)
         return np.inf if found is None else found.margin
 
-    return least_place(margin, a, b, NEARLY)
+    return least_place(margin, a, b, SECTIONS)
 
 
 def _at(line: DriveLine, low: CurvePoint, high: CurvePoint, s: float) -> CurvePoint | None:

@@ -1,11 +1,10 @@
 """A straight line through the space of the drives, and points of the curve of configurations above it.
 
-Where a function along the line is least is found by Brent's method.
+Where a function along the line is least is found by golden section.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -115,49 +114,23 @@ class DriveLine:
         return np.concatenate([in_natural_units(gaps, sizes), along])
 
 
-SHORTER = 0.5 * (3.0 - math.sqrt(5.0))  # part of a golden section
-ROUND_OFF = 1e-14  # rad or relative to 1: values at three places that differ by less are round-off
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
-def least_place(
-    function: Callable[[float], float], low: float, high: float, tolerance: float, middle: float | None = None
-) -> float:
-    """The place between two others, in any order, at which a function with one minimum there is least, by Brent's method.
+def least_place(function: Callable[[float], float], low: float, high: float, sections: int) -> float:
+    """The place between two others at which a function with one minimum there is least, by golden section.
 
-    Steps to the minimum of the parabola through the three lowest points alternate with golden sections, which also find
-    a minimum at a kink. See Brent (1973), chapter 5.
-
-    :param tolerance: of the place, relative to the interval.
-    :param middle: where to begin.
+    :param sections: each of which leaves 0.618 of the interval.
     """
-    low, high = sorted((float(low), float(high)))
-    tolerance *= high - low
-    best = low + SHORTER * (high - low) if middle is None else middle
-    at_best = float(function(best))
-    second, at_second, third, at_third = best, at_best, best, at_best
-    step = before = 0.0  # the last step, and the one before it
-    while max(best - low, high - best) > 2.0 * tolerance:
-        if len({best, second, third}) == 3 and max(at_second, at_third) - at_best <= ROUND_OFF:
-            break
-        across, along = (best - second) * (at_best - at_third), (best - third) * (at_best - at_second)
-        above, below = (best - third) * along - (best - second) * across, 2.0 * (across - along)
-        longest, before = before, step
-        # Accepted are steps inside, of less than half of the one before the last; nan fails every comparison.
-        if below and abs(above / below) < 0.5 * abs(longest) and low < best + above / below < high:
-            step = above / below
+    one, other = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    at_one, at_other = function(one), function(other)
+    for _ in range(sections):
+        if at_one < at_other:
+            high, other, at_other = other, one, at_one
+            one = high - GOLDEN * (high - low)
+            at_one = function(one)
         else:
-            before = (high if best < 0.5 * (low + high) else low) - best
-            step = SHORTER * before
-        place = best + (step if abs(step) >= tolerance else math.copysign(tolerance, step))
-        found = float(function(place))
-        if found <= at_best:
-            low, high = (best, high) if place >= best else (low, best)
-            third, at_third, second, at_second = second, at_second, best, at_best
-            best, at_best = place, found
-            continue
-        low, high = (low, place) if place >= best else (place, high)
-        if found <= at_second or second == best:
-            third, at_third, second, at_second = second, at_second, place, found
-        elif found <= at_third or third in (best, second):
-            third, at_third = place, found
-    return best
+            low, one, at_one = one, other, at_other
+            other = low + GOLDEN * (high - low)
+            at_other = function(other)
+    return 0.5 * (low + high)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from mbd_sim.studies.kinematic_analysis.motion import DrivenMotion
 
 STANDSTILL = 1e-12  # velocity of an output, relative to the largest, that is round-off
 ROUNDING = 1e-12  # by which a value between two rows must be more extreme than in them
-TOLERANCE = 3e-13  # of the place of an extreme angle, relative to the interval
+SECTIONS = 60  # of the golden section search
 
 
 @dataclass(frozen=True)
@@ -93,18 +93,18 @@ def _extreme(motion: DrivenMotion, angle: TransmissionAngle, values: Array, *, g
     best, place = float(values[row]), float(motion.s[row])
     singular = {one.row for one in motion.singular}
 
-    def signed(s: float) -> float:
-        first = row - 1 if s < motion.s[row] or row == len(motion) - 1 else row
+    def signed(first: int, s: float) -> float:
         try:
             return sign * angle(motion.at(first, s))
         except InputError:
             if singular.isdisjoint((first, first + 1)):
                 raise
-            return math.inf  # two configurations meet in the singular row, and Newton's method fails so close to it
+            return np.inf  # two configurations meet in the singular row, and Newton's method fails so close to it
 
-    first, last = max(row - 1, 0), min(row + 1, len(motion) - 1)
-    middle = place if first < row < last else None
-    s = least_place(signed, float(motion.s[first]), float(motion.s[last]), TOLERANCE, middle)
-    if (value := signed(s)) < sign * best - ROUNDING:
-        best, place = sign * value, s
+    for first in (row - 1, row):
+        if 0 <= first < len(motion) - 1:
+            low, high = float(motion.s[first]), float(motion.s[first + 1])
+            s = least_place(partial(signed, first), low, high, SECTIONS)
+            if (value := signed(first, s)) < sign * best - ROUNDING:
+                best, place = sign * value, s
     return Extreme(best, float(motion.line.drives(place)[motion.leading]), greatest)
