@@ -1,6 +1,7 @@
 """Runs notebooks and snippets of the pages in this process."""
 
 import contextlib
+import itertools
 import re
 import shlex
 import shutil
@@ -15,6 +16,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism
+from mbd_sim.pictures.drawing import animation
 
 CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 QUIET = ("run", "verify", "rerun-with", "plot", "export")
@@ -55,7 +57,7 @@ WINDOWS = (
 
 
 RANGE = re.compile(r"(.+=.+?:[^:]+)(?::\d+)?\Z")  # NAME=FROM:TO:POSITIONS
-POSITIONS = {"kinematics": 9, "centers": 9, "size": 9, "modes": 3, "optimize": 9}
+POSITIONS = {"kinematics": 5, "centers": 5, "size": 5, "modes": 3, "optimize": 9}
 ROWS = re.compile(r"(?<=\\n\" \* )\d+")  # of a table that a page writes; `optimize` takes as many positions
 
 
@@ -68,19 +70,24 @@ def _coarser(words):
 
 @contextlib.contextmanager
 def undrawn():
-    """Compose pictures, but do not draw them, which takes most of the time of a page: they are empty, or white."""
+    """Compose pictures, but do not draw them, which takes most of the time of a page: they are empty, or white.
+
+    Animations have their first two frames.
+    """
 
     def touch(figure, path, **_):
         path.write(b"") if hasattr(path, "write") else Path(path).write_bytes(b"")
 
     kept = Figure.savefig, Figure.draw_without_rendering, FigureCanvasAgg.draw, ConstrainedLayoutEngine.execute
     Figure.savefig, Figure.draw_without_rendering = touch, lambda figure: None
+    images, animation._images = animation._images, lambda frames: images(itertools.islice(frames, 2))
     FigureCanvasAgg.draw = lambda canvas: canvas.get_renderer()
     ConstrainedLayoutEngine.execute = lambda engine, figure: None
     try:
         yield
     finally:
         Figure.savefig, Figure.draw_without_rendering, FigureCanvasAgg.draw, ConstrainedLayoutEngine.execute = kept
+        animation._images = images
 
 
 def snippets(text):
@@ -104,9 +111,9 @@ def execute_snippet(language, code):
             words = shlex.split(line, comments=True)
             words = _coarser(words) if words[:1] == ["mbd_sim"] else words
             if "--animate" in words and words[1] == "run":
-                words += ["--time", "0.1"]  # pictures take long
+                words += ["--time", "0.04"]  # two pictures: they take long
             serves = words[1:2] == ["lab"] and "--html" not in words  # until Ctrl-C
             if words[:1] == ["mbd_sim"] and not serves and not any(word in line for word in WINDOWS):
                 assert main([*words[1:], "--quiet"] if words[1] in QUIET else words[1:]) == 0, line
             elif words[:1] in (["gcc"], ["./swing"]) and shutil.which("gcc"):
-                subprocess.run(words, check=True)
+                subprocess.run([word.replace("-O3", "-O0") for word in words], check=True)

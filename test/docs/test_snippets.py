@@ -6,6 +6,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 from mbd_sim.cli.main import main
+from mbd_sim.exports.fmu import archive
 from mbd_sim.studies.synthesis import global_search
 from test.docs.notebooks import execute_snippet, snippets, undrawn
 
@@ -27,6 +28,7 @@ PAGES = [
 def test_the_snippets_of_a_page_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(global_search, "POLISHED", 1)
+    monkeypatch.setattr(archive, "FLAGS", tuple(flag.replace("-O3", "-O0") for flag in archive.FLAGS))
     with undrawn():
         for language, code in snippets(page.read_text(encoding="utf-8")):
             execute_snippet(language, code)

@@ -9,14 +9,14 @@ from mbd_sim import load_mechanism
 from mbd_sim.cli.main import main
 from mbd_sim.studies.kinematic_analysis import driven_motion
 
-DRIVE = ["--drive", "crank_pivot=20:340deg:9"]
+DRIVE = ["--drive", "crank_pivot=20:340deg:5"]
 
 
 def test_a_path_from_a_table(tmp_path, monkeypatch, capsys):
     """The path of the middle of a longer coupler, with its plane y = 0 left out."""
     monkeypatch.chdir(tmp_path)
     target = load_mechanism("four_bar")
-    motion = driven_motion(target, {"crank_pivot": (np.radians(20), np.radians(340))}, 9)
+    motion = driven_motion(target, {"crank_pivot": (np.radians(20), np.radians(340))}, 5)
     path = motion.point("coupler.tip").position
     rows = [f"{x!r},{z!r}" for x, z in path[:, [0, 2]].tolist()]
     Path("path.csv").write_text("\n".join(["x,z", *rows]), encoding="utf-8")
@@ -39,7 +39,7 @@ def test_a_path_from_a_table(tmp_path, monkeypatch, capsys):
     assert "rocker              1.1 -> 1.2" in out
     found = load_mechanism("found.yaml")
     assert found.parameters["rocker"] == pytest.approx(1.2, abs=1e-10)
-    again = driven_motion(found, {"crank_pivot": (np.radians(20), np.radians(340))}, 9)
+    again = driven_motion(found, {"crank_pivot": (np.radians(20), np.radians(340))}, 5)
     assert again.point("coupler.tip").position == pytest.approx(path, abs=1e-9)
     assert Path("found.png").stat().st_size > 20000
 
@@ -84,7 +84,7 @@ def test_wrong_arguments(words, message, capsys):
         ("x,z\n1,2\n3,k\n", "t.csv:3: 'k' is not a number"),
         ("x,z\n1,2\n", "less than two positions"),
         ("x,drive\n1,0\n2,9\n", "positions of the drive beyond its range"),
-        ("x\n1\n2\n", "t.csv has 2 positions, and the drive 9"),
+        ("x\n1\n2\n", "t.csv has 2 positions, and the drive 5"),
     ],
 )
 def test_wrong_tables(text, message, tmp_path, monkeypatch, capsys):

@@ -13,9 +13,9 @@ AT_ONCE = 10_000  # ms; what takes longer, the page has replaced meanwhile: it i
 LONGEST = 30.0  # s, between two attempts
 SIZE = {"width": 760, "height": 420}  # larger ones take a browser without a GPU longer
 LARGE = {"width": 900, "height": 440}
-# The page computes 12 frames a second, of which nothing is drawn unless `window.drawing` is true.
+# The page computes 6 frames a second, of which nothing is drawn unless `window.drawing` is true.
 PAINTLESS = """
-window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 80);
+window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 160);
 window.cancelAnimationFrame = clearTimeout;
 for (const name of ["clear", "drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced"]) {
   const draw = WebGL2RenderingContext.prototype[name];

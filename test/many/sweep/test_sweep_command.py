@@ -1,6 +1,4 @@
 import multiprocessing
-import subprocess
-import sys
 import time
 
 import dask
@@ -37,19 +35,16 @@ def test_every_kind_of_sweep_can_be_drawn(tmp_path, varied):
 
 
 @pytest.fixture
-def cluster(tmp_path):
-    """The address of a scheduler on loopback, in a thread, with a worker in a process of its own."""
+def cluster():
+    """The address of a scheduler on loopback, with a worker, both in threads: what they send each other is serialized.
+
+    That a fresh process finds all that a run needs shows in the processes here, which get the same tasks.
+    """
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=0, host="127.0.0.1", protocol="tcp", dashboard_address=None) as here:
-        arguments = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path)]
-        command = [sys.executable, "-m", "distributed.cli.dask_worker", here.scheduler_address, *arguments]
-        worker = subprocess.Popen(command, stderr=subprocess.DEVNULL, cwd=tmp_path)
-        try:
-            yield here.scheduler_address
-        finally:
-            worker.kill()
-            worker.wait()
+    options = {"host": "127.0.0.1", "protocol": "tcp", "dashboard_address": None}
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, **options) as here:
+        yield here.scheduler_address
 
 
 def test_processes_here_and_workers_of_a_cluster_give_the_same_bits(tmp_path, monkeypatch, cluster):
