@@ -140,7 +140,8 @@ def _emit_loop(
     """Emit `i64 name(y, inputs, i64 first, double h, i64 steps, i64 mode, estimate)`.
 
     Step k starts at the time k h, counted from `first`. It returns the number of steps before the first one in which a
-    guard becomes negative, or -1 if the state does not stay finite. `mode`: see `TO_EVENT`.
+    guard becomes negative, or -1 if the state does not stay finite. `mode`: see `TO_EVENT`. A guard of the first step may
+    be negative at its start as well, where an input has jumped.
     """
     function = internal(module, name, [POINTER, POINTER, INT, DOUBLE, INT, INT, POINTER])
     state, inputs, first, h, count, mode, estimate = function.args
@@ -179,7 +180,7 @@ def _emit_loop(
     emitter.project(following, y)
     check.keep()
     check.read(following)
-    is_event = check.ended(inputs, h)
+    is_event = b.or_(check.ended(inputs, h), b.and_(check.jumped, b.icmp_signed("==", index, integer(0))))
     index.add_incoming(next_index, b.block)
     b.cbranch(is_event, event, head)
 
@@ -251,6 +252,7 @@ class _Check:
         self._kept, self._negative = guards.gaps + rates, range(first, first + count)
         size = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
         in_registers = emitter.system.in_registers
+        self.jumped: Value = FALSE  # whether a jump of an input has made a force inadmissible at the start of a call
         self._after = local_array(b, size, in_registers=in_registers)
         self._before = local_array(b, self._kept, in_registers=in_registers)
         self.slopes = emitter.vector("start_slopes")
@@ -264,16 +266,23 @@ class _Check:
 
     def begin(self, t: Value, kept: Value) -> None:
         """Begin a call: read what was kept at the end of the last one if it belongs to this state, or evaluate it."""
-        history = self._emitter.kept
+        b, history = self._b, self._emitter.kept
         if history is None:
             self.read(t)
+            self.jumped = self._has_jumped()
             return
         history.begin()
-        with self._b.if_else(history.belongs, likely=True) as (known, unknown):
+        with b.if_else(history.belongs, likely=True) as (known, unknown):
             with known:
-                self._each_kept(kept, lambda size, inside, outside: copy(self._b, size, outside, inside))
+                self._each_kept(kept, lambda size, inside, outside: copy(b, size, outside, inside))
+                was_known = b.block
             with unknown:
                 self.read(t)
+                jumped = self._has_jumped()
+                was_unknown = b.block
+        self.jumped = b.phi(BOOL)
+        self.jumped.add_incoming(FALSE, was_known)
+        self.jumped.add_incoming(jumped, was_unknown)
 
     def remember(self, kept: Value) -> None:
         """Keep the slopes and guards of this state for the next call."""
@@ -314,6 +323,17 @@ class _Check:
         result.add_incoming(found, before)
         result.add_incoming(grazed, examined)
         return result
+
+    def _has_jumped(self) -> Value:
+        """Whether the guard of a force that has been read is negative: not that of an open gap, which does not jump."""
+        b, guards, found = self._b, self._guards, FALSE
+        for place, index in enumerate(self._negative if self._negative.start else ()):
+            negative = b.fcmp_unordered("<", load(b, self._after, index), number(-guards.tolerance))
+            if place < guards.gaps:
+                mode = load(b, self._emitter.inputs, guards.first_mode + place)
+                negative = b.and_(negative, b.fcmp_unordered("!=", mode, number(0.0)))
+            found = b.or_(found, negative)
+        return found
 
     def _turns_back(self, gap: int) -> Value:
         """Whether a gap becomes smaller at the start of the step and larger at its end."""

@@ -121,9 +121,14 @@ forces:
 """
 
 
-def test_friction_that_a_jump_of_a_force_overloads_for_a_moment_slips():
-    """Within less than the first node of the motion of what slides elsewhere; it stops within the same part."""
-    simulation = Simulation.from_text(JUMPS, step=1e-3)
+@pytest.mark.parametrize("elsewhere", ["slides", "rests"])
+def test_friction_that_a_jump_of_a_force_overloads_for_a_moment_slips(elsewhere):
+    """Within less than the first node of the motion of what slides elsewhere; it stops within the same part.
+
+    Where nothing slides, both ends of the step were admissible, and the slip was missed.
+    """
+    still = JUMPS.replace(f"velocity: {SPEED}", "velocity: 0").replace("1.01*mu", "0.9*mu")
+    simulation = Simulation.from_text(JUMPS if elsewhere == "slides" else still, step=1e-3)
     simulation.run(until=4e-3)
     simulation.set_efforts({"dx": 1.05 * 0.3 * 2.0 * 9.81})
     simulation.run(until=6e-3)
