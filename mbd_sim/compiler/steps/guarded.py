@@ -140,8 +140,8 @@ def _emit_loop(
     """Emit `i64 name(y, inputs, i64 first, double h, i64 steps, i64 mode, estimate)`.
 
     Step k starts at the time k h, counted from `first`. It returns the number of steps before the first one in which a
-    guard becomes negative, or -1 if the state does not stay finite. `mode`: see `TO_EVENT`. A guard of the first step may
-    be negative at its start as well, where an input has jumped.
+    guard becomes negative, or -1 if the state does not stay finite. `mode`: see `TO_EVENT`. Where an input, or what an
+    actuator holds, has jumped, a guard may be negative at the start of a step as well.
     """
     function = internal(module, name, [POINTER, POINTER, INT, DOUBLE, INT, INT, POINTER])
     state, inputs, first, h, count, mode, estimate = function.args
