@@ -149,8 +149,7 @@ def _emit_loop(
     emitter, size = StepEmitter(b, system, inputs, h), system.size
     emit_step, y, before = steps.whole(emitter), emitter.y, emitter.vector()
     check, sum_of_zeros = _Check(emitter, guards, closed), emitter.scalar()
-    if system.samples is None:  # these change the state before a step
-        emitter.start_slopes = check.slopes
+    emitter.start_slopes = check.slopes
     history = element(b, inputs, system.inputs_size)
     kept = element(b, history, steps.history)
 
@@ -174,13 +173,17 @@ def _emit_loop(
     emitter.index, next_index = b.add(first, index), b.add(index, integer(1))
     emitter.is_estimated = b.icmp_unsigned("==", b.and_(emitter.index, integer(ESTIMATED_EVERY - 1)), integer(0))
     emitter.sample(emitter.index, time_of(emitter.index))  # also where an event is left to the caller
+    if system.samples is None:
+        jumped = b.and_(check.jumped, b.icmp_signed("==", index, integer(0)))
+    else:
+        jumped = check.start(time_of(emitter.index))
     copy(b, size, y, before)
     emit_step(time_of(emitter.index))
     following = time_of(b.add(emitter.index, integer(1)))
     emitter.project(following, y)
     check.keep()
     check.read(following)
-    is_event = b.or_(check.ended(inputs, h), b.and_(check.jumped, b.icmp_signed("==", index, integer(0))))
+    is_event = b.or_(check.ended(inputs, h), jumped)
     index.add_incoming(next_index, b.block)
     b.cbranch(is_event, event, head)
 
@@ -265,11 +268,14 @@ class _Check:
         self._b.call(self._function, [at, emitter.y, emitter.inputs, self.slopes, self._after, *reported])
 
     def begin(self, t: Value, kept: Value) -> None:
-        """Begin a call: read what was kept at the end of the last one if it belongs to this state, or evaluate it."""
+        """Begin a call: read what was kept at the end of the last one if it belongs to this state, or evaluate it.
+
+        Actuators that are sampled change the state before each step, which then is read at its start.
+        """
         b, history = self._b, self._emitter.kept
         if history is None:
-            self.read(t)
-            self.jumped = self._has_jumped()
+            if self._emitter.system.samples is None:
+                self.jumped = self.start(t)
             return
         history.begin()
         with b.if_else(history.belongs, likely=True) as (known, unknown):
@@ -277,8 +283,7 @@ class _Check:
                 self._each_kept(kept, lambda size, inside, outside: copy(b, size, outside, inside))
                 was_known = b.block
             with unknown:
-                self.read(t)
-                jumped = self._has_jumped()
+                jumped = self.start(t)
                 was_unknown = b.block
         self.jumped = b.phi(BOOL)
         self.jumped.add_incoming(FALSE, was_known)
@@ -324,8 +329,12 @@ class _Check:
         result.add_incoming(grazed, examined)
         return result
 
-    def _has_jumped(self) -> Value:
-        """Whether the guard of a force that has been read is negative: not that of an open gap, which does not jump."""
+    def start(self, t: Value) -> Value:
+        """Read what a step starts with; whether the guard of a force is negative, as after a jump of an input.
+
+        Gaps that are open do not jump.
+        """
+        self.read(t)
         b, guards, found = self._b, self._guards, FALSE
         for place, index in enumerate(self._negative if self._negative.start else ()):
             negative = b.fcmp_unordered("<", load(b, self._after, index), number(-guards.tolerance))
