@@ -140,7 +140,8 @@ def _emit_loop(
     """Emit `i64 name(y, inputs, i64 first, double h, i64 steps, i64 mode, estimate)`.
 
     Step k starts at the time k h, counted from `first`. It returns the number of steps before the first one in which a
-    guard becomes negative, or -1 if the state does not stay finite. `mode`: see `TO_EVENT`.
+    guard becomes negative, or -1 if the state does not stay finite. `mode`: see `TO_EVENT`. Where an input, or what an
+    actuator holds, has jumped, a guard may be negative at the start of a step as well.
     """
     function = internal(module, name, [POINTER, POINTER, INT, DOUBLE, INT, INT, POINTER])
     state, inputs, first, h, count, mode, estimate = function.args
@@ -148,8 +149,7 @@ def _emit_loop(
     emitter, size = StepEmitter(b, system, inputs, h), system.size
     emit_step, y, before = steps.whole(emitter), emitter.y, emitter.vector()
     check, sum_of_zeros = _Check(emitter, guards, closed), emitter.scalar()
-    if system.samples is None:  # these change the state before a step
-        emitter.start_slopes = check.slopes
+    emitter.start_slopes = check.slopes
     history = element(b, inputs, system.inputs_size)
     kept = element(b, history, steps.history)
 
@@ -173,13 +173,17 @@ def _emit_loop(
     emitter.index, next_index = b.add(first, index), b.add(index, integer(1))
     emitter.is_estimated = b.icmp_unsigned("==", b.and_(emitter.index, integer(ESTIMATED_EVERY - 1)), integer(0))
     emitter.sample(emitter.index, time_of(emitter.index))  # also where an event is left to the caller
+    if system.samples is None:
+        jumped = b.and_(check.jumped, b.icmp_signed("==", index, integer(0)))
+    else:
+        jumped = check.start(time_of(emitter.index))
     copy(b, size, y, before)
     emit_step(time_of(emitter.index))
     following = time_of(b.add(emitter.index, integer(1)))
     emitter.project(following, y)
     check.keep()
     check.read(following)
-    is_event = check.ended(inputs, h)
+    is_event = b.or_(check.ended(inputs, h), jumped)
     index.add_incoming(next_index, b.block)
     b.cbranch(is_event, event, head)
 
@@ -251,6 +255,7 @@ class _Check:
         self._kept, self._negative = guards.gaps + rates, range(first, first + count)
         size = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
         in_registers = emitter.system.in_registers
+        self.jumped: Value = FALSE  # whether a jump of an input has made a force inadmissible at the start of a call
         self._after = local_array(b, size, in_registers=in_registers)
         self._before = local_array(b, self._kept, in_registers=in_registers)
         self.slopes = emitter.vector("start_slopes")
@@ -263,17 +268,26 @@ class _Check:
         self._b.call(self._function, [at, emitter.y, emitter.inputs, self.slopes, self._after, *reported])
 
     def begin(self, t: Value, kept: Value) -> None:
-        """Begin a call: read what was kept at the end of the last one if it belongs to this state, or evaluate it."""
-        history = self._emitter.kept
+        """Begin a call: read what was kept at the end of the last one if it belongs to this state, or evaluate it.
+
+        Actuators that are sampled change the state before each step, which then is read at its start.
+        """
+        b, history = self._b, self._emitter.kept
         if history is None:
-            self.read(t)
+            if self._emitter.system.samples is None:
+                self.jumped = self.start(t)
             return
         history.begin()
-        with self._b.if_else(history.belongs, likely=True) as (known, unknown):
+        with b.if_else(history.belongs, likely=True) as (known, unknown):
             with known:
-                self._each_kept(kept, lambda size, inside, outside: copy(self._b, size, outside, inside))
+                self._each_kept(kept, lambda size, inside, outside: copy(b, size, outside, inside))
+                was_known = b.block
             with unknown:
-                self.read(t)
+                jumped = self.start(t)
+                was_unknown = b.block
+        self.jumped = b.phi(BOOL)
+        self.jumped.add_incoming(FALSE, was_known)
+        self.jumped.add_incoming(jumped, was_unknown)
 
     def remember(self, kept: Value) -> None:
         """Keep the slopes and guards of this state for the next call."""
@@ -314,6 +328,21 @@ class _Check:
         result.add_incoming(found, before)
         result.add_incoming(grazed, examined)
         return result
+
+    def start(self, t: Value) -> Value:
+        """Read what a step starts with; whether the guard of a force is negative, as after a jump of an input.
+
+        Gaps that are open do not jump.
+        """
+        self.read(t)
+        b, guards, found = self._b, self._guards, FALSE
+        for place, index in enumerate(self._negative if self._negative.start else ()):
+            negative = b.fcmp_unordered("<", load(b, self._after, index), number(-guards.tolerance))
+            if place < guards.gaps:
+                mode = load(b, self._emitter.inputs, guards.first_mode + place)
+                negative = b.and_(negative, b.fcmp_unordered("!=", mode, number(0.0)))
+            found = b.or_(found, negative)
+        return found
 
     def _turns_back(self, gap: int) -> Value:
         """Whether a gap becomes smaller at the start of the step and larger at its end."""

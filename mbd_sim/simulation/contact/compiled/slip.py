@@ -98,9 +98,9 @@ def stage_within(
     )  # fmt: skip
     own, n = inputs, readings_size(c)
     before = zeros(n)
+    read(c, t, y, inputs, before)
     if pairs:
         find_sliding(c, inputs, s, left_out)
-        read(c, t, y, inputs, before)
         turn(c, before, inputs, s)
         for i in range(count):
             s.inputs[i] = inputs[i]
@@ -109,7 +109,7 @@ def stage_within(
         y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
         zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
     )  # fmt: skip
-    if pairs and is_crossed(c, before, left_out):  # by a jump of a force, from which it may recover soon
+    if has_jumped(c, inputs, before, left_out):  # by a jump of a force, from which it may recover soon
         found[0], found[1], found[2] = 0.0, 0.0, math.inf
         return EVENT
     m.span[0] = min(length, first_length)
@@ -118,7 +118,9 @@ def stage_within(
         found[2] = follow(c, m, found[2])
         first = stop_of(c, m)
     else:
-        begin(c, m, m.span[0])
+        read_poses(c, t, y, inputs, m.places_before)
+        m.latest[0] = NONE
+        finish(c, m, m.span[0])
     if not_finite(c, m):
         return FAILED
     first = first_event(c, m, first, left_out, cause)
@@ -160,9 +162,14 @@ def find_sliding(c: Contacts, inputs: Array, s: Sliding, left_out: Integers) -> 
             left_out[c.gaps + k] = 1
 
 
-def is_crossed(c: Contacts, readings: Array, left_out: Integers) -> bool:
-    """Whether a guard is negative that is not left out."""
-    return any(readings[guard_at(c, k)] < -c.tolerance and not left_out[k] for k in range(c.guards))
+def has_jumped(c: Contacts, inputs: Array, readings: Array, left_out: Integers) -> bool:
+    """Whether the guard of a force is negative that is not left out; gaps that are open do not jump."""
+    return any(
+        readings[guard_at(c, k)] < -c.tolerance
+        and not left_out[k]
+        and not (k < c.gaps and inputs[c.first_mode + k] == 0.0)
+        for k in range(c.guards)
+    )
 
 
 def not_finite(c: Contacts, m: TrialPart) -> bool:

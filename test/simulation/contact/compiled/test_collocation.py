@@ -121,11 +121,23 @@ forces:
 """
 
 
-def test_friction_that_a_jump_of_a_force_overloads_for_a_moment_slips():
-    """Within less than the first node of the motion of what slides elsewhere; it stops within the same part."""
-    simulation = Simulation.from_text(JUMPS, step=1e-3)
-    simulation.run(until=4e-3)
-    simulation.set_efforts({"dx": 1.05 * 0.3 * 2.0 * 9.81})
+STILL = JUMPS.replace(f"velocity: {SPEED}", "velocity: 0").replace("1.01*mu", "0.9*mu")
+DELAYED = f"{STILL}actuators: {{push: {{type: effort, joint: dx, delay: 2 ms}}}}\n"
+
+
+@pytest.mark.parametrize("text", [JUMPS, STILL, DELAYED], ids=["another slides", "nothing slides", "delayed"])
+def test_friction_that_a_jump_of_a_force_overloads_for_a_moment_slips(text):
+    """Within less than the first node of the motion of what slides elsewhere; it stops within the same part.
+
+    Where nothing slides, both ends of the step were admissible, and the slip was missed. A delayed command jumps within
+    a call of several steps.
+    """
+    simulation, push = Simulation.from_text(text, step=1e-3), 1.05 * 0.3 * 2.0 * 9.81
+    simulation.run(until=2e-3 if text is DELAYED else 4e-3)
+    if text is DELAYED:
+        simulation.set_commands({"push": push})
+    else:
+        simulation.set_efforts({"dx": push})
     simulation.run(until=6e-3)
     of_other = [event for event in simulation.contact_events if "other" in event.name]
     assert [event.change for event in of_other] == [ContactChange.SLIDES, ContactChange.STICKS]
