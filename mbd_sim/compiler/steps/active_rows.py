@@ -297,8 +297,8 @@ def emit_one_sided(
     )
     still = {component for component in zero_components(program) if component >= system.error_size}
     system = replace(system, still=frozenset(still))
+    _emit_readings(module, read)
     if one_sided.time_stepping:
-        _emit_readings(module, read)
         return emit_time_stepping(module, system, closed, steps, one_sided.mode_range)
     open_start = arranged(one_sided.open_start)
     inline = instruction_count(open_start) <= INLINED_START
@@ -318,7 +318,6 @@ def emit_one_sided(
         slow=one_sided.slow,
         slips=one_sided.slips,
     )
-    _emit_readings(module, read)
     _emit_parts_of_steps(module, closed, guards, reports=reports)
     return emit_one_sided_advance(module, system, closed, steps, guards)
 

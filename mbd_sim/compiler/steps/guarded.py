@@ -173,10 +173,7 @@ def _emit_loop(
     emitter.index, next_index = b.add(first, index), b.add(index, integer(1))
     emitter.is_estimated = b.icmp_unsigned("==", b.and_(emitter.index, integer(ESTIMATED_EVERY - 1)), integer(0))
     emitter.sample(emitter.index, time_of(emitter.index))  # also where an event is left to the caller
-    if system.samples is None:
-        jumped = b.and_(check.jumped, b.icmp_signed("==", index, integer(0)))
-    else:
-        jumped = check.start(time_of(emitter.index))
+    jumped = check.has_jumped(index, time_of(emitter.index))
     copy(b, size, y, before)
     emit_step(time_of(emitter.index))
     following = time_of(b.add(emitter.index, integer(1)))
@@ -255,7 +252,7 @@ class _Check:
         self._kept, self._negative = guards.gaps + rates, range(first, first + count)
         size = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
         in_registers = emitter.system.in_registers
-        self.jumped: Value = FALSE  # whether a jump of an input has made a force inadmissible at the start of a call
+        self._jumped: Value = FALSE  # whether a jump of an input has made a force inadmissible at the start of a call
         self._after = local_array(b, size, in_registers=in_registers)
         self._before = local_array(b, self._kept, in_registers=in_registers)
         self.slopes = emitter.vector("start_slopes")
@@ -275,7 +272,7 @@ class _Check:
         b, history = self._b, self._emitter.kept
         if history is None:
             if self._emitter.system.samples is None:
-                self.jumped = self.start(t)
+                self._jumped = self._start(t)
             return
         history.begin()
         with b.if_else(history.belongs, likely=True) as (known, unknown):
@@ -283,11 +280,18 @@ class _Check:
                 self._each_kept(kept, lambda size, inside, outside: copy(b, size, outside, inside))
                 was_known = b.block
             with unknown:
-                jumped = self.start(t)
+                jumped = self._start(t)
                 was_unknown = b.block
-        self.jumped = b.phi(BOOL)
-        self.jumped.add_incoming(FALSE, was_known)
-        self.jumped.add_incoming(jumped, was_unknown)
+        self._jumped = b.phi(BOOL)
+        self._jumped.add_incoming(FALSE, was_known)
+        self._jumped.add_incoming(jumped, was_unknown)
+
+    def has_jumped(self, index: Value, t: Value) -> Value:
+        """Whether the guard of a force is negative at the start of a step, the one with this index in the call."""
+        b = self._b
+        if self._emitter.system.samples is None:
+            return b.and_(self._jumped, b.icmp_signed("==", index, integer(0)))
+        return self._start(t)
 
     def remember(self, kept: Value) -> None:
         """Keep the slopes and guards of this state for the next call."""
@@ -329,7 +333,7 @@ class _Check:
         result.add_incoming(grazed, examined)
         return result
 
-    def start(self, t: Value) -> Value:
+    def _start(self, t: Value) -> Value:
         """Read what a step starts with; whether the guard of a force is negative, as after a jump of an input.
 
         Gaps that are open do not jump.
