@@ -24,12 +24,18 @@ from mbd_sim.files.text.ros_packages import package_folders
 from mbd_sim.files.text.xml import FILES, PLACE, Element, is_xml, mended, parse_xml
 
 _USED = re.compile(r"\$\(arg\s+([\w.-]+)\s*\)|\barg\(\s*'([\w.-]+)'")
+_COMMENT, _PROGRAM = re.compile("<!--.*?-->", re.DOTALL), re.compile(r"<xacro:|\$[{(]")
 _LOCK = threading.Lock()  # xacro keeps its state in its module
 
 
 def is_xacro(text: str, file: str) -> bool:
-    """Whether a text is a xacro file, by the ending of its file or the namespace that it declares."""
-    return is_xml(text) and (file.endswith(XACRO_SUFFIX) or "xmlns:xacro" in text)
+    """Whether a text is a xacro file, by the ending of its file or the namespace that it declares.
+
+    What xacro has written declares it too, and contains nothing of it but in comments.
+    """
+    if not is_xml(text):
+        return False
+    return file.endswith(XACRO_SUFFIX) or ("xmlns:xacro" in text and bool(_PROGRAM.search(_COMMENT.sub("", text))))
 
 
 def expanded(text: str, file: str, arguments: Mapping[str, str]) -> str:

@@ -166,6 +166,17 @@ def test_without_xacro_the_error_says_how_to_install_it(robot, monkeypatch):
         load_mechanism(robot)
 
 
+def test_what_xacro_has_written_needs_no_xacro(monkeypatch):
+    """It declares the namespace, and has expressions of the original in its comments; it was expanded at each start."""
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    written = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+      <!-- from <xacro:include filename="$(find nothing)/a.xacro"/>
+           ${limit} --><link name="a"/></robot>"""
+    assert parse_mechanism(written).name == "r"
+    with pytest.raises(MissingPackageError):
+        parse_mechanism(written.replace("-->", '--><xacro:property name="a" value="1"/>'))
+
+
 def test_a_hostile_instruction_in_a_plain_file_does_no_harm():
     text = (
         '<?mbd_sim-files {"files": 3}?><?mbd_sim-place x?><robot name="r"><?mbd_sim-place 9 9?><link name="a"/></robot>'
