@@ -1,7 +1,7 @@
 """What Gazebo adds to the joints of a URDF: springs, in `<gazebo reference="JOINT">`.
 
 `<springStiffness>` is in N·m/rad or N/m, and `<springReference>` in rad or m, the position without a force; both become
-those of the joint's axis in SDF. Where several blocks give one, the last counts, as there.
+those of the joint's axis in SDF. Where several blocks give one, the last counts, as there, and the others are listed.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ def springs_of(reading: Reading, robot: Element, axial: Container[str]) -> Sprin
     :param axial: the joints that can have springs.
     """
     found: dict[str, dict[str, float]] = {}
+    places: dict[tuple[str, str], Element] = {}
     for block in robot.all(GAZEBO):
         if not has_spring(block):
             continue
@@ -38,7 +39,13 @@ def springs_of(reading: Reading, robot: Element, axial: Container[str]) -> Sprin
             elif joint not in axial:
                 reading.leave_out_at(f"<{element.tag}> of what has no axis", element, key)
             elif (value := _number(reading, element, where)) is not None:
+                if (before := places.get((joint, element.tag))) is not None:
+                    reading.leave_out_at(f"<{element.tag}> that is given again", before, key)
                 found.setdefault(joint, {})[SPRING[element.tag]] = value
+                places[joint, element.tag] = element
+    for (joint, tag), element in places.items():
+        if "stiffness" not in found[joint]:
+            reading.leave_out_at(f"<{tag}> without a stiffness", element, f"{GAZEBO}[{joint}]")
     return {joint: keys for joint, keys in found.items() if keys.get("stiffness")}
 
 

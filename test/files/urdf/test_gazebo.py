@@ -50,8 +50,15 @@ def test_the_last_of_several_blocks_counts_and_other_elements_are_listed():
     mechanism = pair("continuous", *blocks, '<gazebo reference="j"><provideFeedback>1</provideFeedback></gazebo>')
     own = mechanism.joints["j"].stiffness
     assert (own.item(), mechanism.joints["j"].rest.item()) == (5.0, 0.1)
-    assert mechanism.source.notes[0] == "<stopErp> of <gazebo>: gazebo[j] (line 9)"
+    assert "<stopErp> of <gazebo>: gazebo[j] (line 9)" in mechanism.source.notes
+    assert "<springStiffness> that is given again: gazebo[j] (line 5)" in mechanism.source.notes
     assert "<gazebo>: without a name, j" in mechanism.source.notes
+
+
+def test_a_reference_without_a_stiffness_is_listed():
+    mechanism = pair("continuous", '<gazebo reference="j"><springReference>1</springReference></gazebo>')
+    assert not mechanism.joints["j"].rest.any()
+    assert mechanism.source.notes == ("<springReference> without a stiffness: gazebo[j] (line 5)",)
 
 
 def test_springs_of_links_and_of_joints_without_an_axis_are_listed():
