@@ -5,7 +5,7 @@ from __future__ import annotations
 import llvmlite.binding as llvm
 
 from mbd_sim.compiler.code import machine_code
-from mbd_sim.compiler.code.machine_code import MachineCode, compile_text
+from mbd_sim.compiler.code.machine_code import MachineCode, compile_units
 from mbd_sim.compiler.ir.builder import IRBuilder
 from mbd_sim.compiler.ir.module import Module
 
@@ -16,5 +16,5 @@ def new_module() -> Module:
 
 
 def compile_module(module: Module) -> MachineCode:
-    """Optimize and compile a module, or load its object code if the same code was compiled before."""
-    return compile_text(str(module))
+    """Optimize and compile a module, or load the object code of those of its units that were compiled before."""
+    return compile_units(module.units())

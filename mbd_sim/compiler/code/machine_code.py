@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import logging
+import time
 from collections.abc import Callable, Sequence
 from importlib import import_module
 
@@ -66,14 +68,17 @@ def _numpy_functions() -> ctypes.Array[ctypes.c_size_t]:
     return (ctypes.c_size_t * (VERSION + 1)).from_address(pointer(capsule, None))
 
 
+LONG = 1_000_000  # characters of IR from which on compiling takes seconds
 # Of LLVM's code generator. At level 0, which also has loops and calls in place of unrolled and inlined code, small
 # mechanisms compile in a tenth of the time, to slower code with the same results.
 LEVEL = 1
-LONG = 1_000_000  # characters of IR from which on a process of its own pays: it starts in 0.1 s, LLVM needs 1 s
+
+
+_log = logging.getLogger(__name__)
 
 
 class MachineCode:
-    """Compiled functions, which live as long as this object; `key` is that of their object code in the cache."""
+    """Compiled functions, which live as long as this object; `key` has those of their object code in the cache."""
 
     def __init__(self, library: llvm.ResourceTracker, linker: llvm.LLJIT, key: str) -> None:
         self.key, self._name = key, library.name
@@ -93,25 +98,40 @@ def compiler_identity() -> tuple[str, ...]:
     return cpu, features, version, llvmlite.__version__, " ".join(compiler_options(LEVEL))
 
 
-def compile_text(text: str) -> MachineCode:
-    """Optimize and compile IR, or load the object code if the same code was compiled before."""
-    return compile_once([text], lambda: text)
+def compile_units(units: Sequence[str]) -> MachineCode:
+    """Optimize and compile units of IR that call each other, or load the object code of those compiled before.
+
+    Where that is much, progress is logged. Ctrl-C interrupts it after the present unit.
+    """
+    keys = [disk_cache.key(text, *compiler_identity()) for text in units]
+    codes = {key: disk_cache.load(key) for key in keys}
+    missing = {key: text for key, text in zip(keys, units, strict=True) if codes[key] is None}
+    severity = logging.INFO if sum(map(len, missing.values())) >= LONG else logging.DEBUG
+    began = time.monotonic()
+    for index, (key, text) in enumerate(missing.items()):
+        _log.log(severity, "compiling unit %d of %d", index + 1, len(missing))
+        codes[key] = _compiled(key, text)
+    _log.log(severity, "compiled in %.1f s", time.monotonic() - began)
+    return linked(keys, [code for code in codes.values() if code is not None])
 
 
 def compile_once(contents: Sequence[str], emit: Callable[[], str]) -> MachineCode:
     """Compile the IR that `emit` makes from these contents, or load the object code, without the IR."""
     key = disk_cache.key(*contents, *compiler_identity())
     code = disk_cache.load(key)
-    if code is None:
-        code = _compiled(emit(), *_host(), LEVEL)
-        disk_cache.store(key, code)
-    return linked(key, code)
+    return linked([key], [_compiled(key, emit()) if code is None else code])
+
+
+def _compiled(key: str, text: str) -> bytes:
+    code = object_code(text, *_host(), LEVEL)
+    disk_cache.store(key, code)
+    return code
 
 
 def load_code(key: str) -> MachineCode | None:
     """The machine code with this key, if it is in the cache."""
-    code = disk_cache.load(key)
-    return None if code is None else linked(key, code)
+    codes = [disk_cache.load(one) for one in key.split()]
+    return None if None in codes else linked(key.split(), [code for code in codes if code is not None])
 
 
 @functools.cache
@@ -120,20 +140,13 @@ def _host() -> tuple[str, str]:
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
-def linked(key: str, code: bytes) -> MachineCode:
-    """The machine code of object code."""
+def linked(keys: Sequence[str], codes: Sequence[bytes]) -> MachineCode:
+    """The machine code of the object code of units, which are in the cache by these keys."""
     linker = llvm.create_lljit_compiler(target_machine(*_host(), LEVEL), use_jit_link=True)
-    builder = llvm.JITLibraryBuilder().add_current_process().add_object_img(code)
+    builder = llvm.JITLibraryBuilder().add_current_process()
+    for code in codes:
+        builder.add_object_img(code)
     for name, address in external_symbols().items():
         builder.import_symbol(name, address)
+    key = " ".join(keys)
     return MachineCode(builder.link(linker, key), linker, key)
-
-
-def _compiled(text: str, cpu: str, features: str, level: int) -> bytes:
-    is_long = len(text) >= LONG
-    if is_long:
-        from mbd_sim.compiler.code.compile_process import compile_apart
-
-        if (code := compile_apart(text, cpu, features, level)) is not None:
-            return code
-    return object_code(text, cpu, features, level, is_long=is_long)
