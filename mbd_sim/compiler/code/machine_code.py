@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import logging
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 
 import llvmlite
@@ -18,7 +16,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from mbd_sim.base import disk_cache
-from mbd_sim.compiler.code.object_code import compiler_options, object_code, target_machine
+from mbd_sim.compiler.code.object_code import compiler_options, target_machine
 
 NONE = "_Py_NoneStruct"
 NAMES = (
@@ -68,13 +66,9 @@ def _numpy_functions() -> ctypes.Array[ctypes.c_size_t]:
     return (ctypes.c_size_t * (VERSION + 1)).from_address(pointer(capsule, None))
 
 
-LONG = 1_000_000  # characters of IR from which on compiling takes seconds
 # Of LLVM's code generator. At level 0, which also has loops and calls in place of unrolled and inlined code, small
 # mechanisms compile in a tenth of the time, to slower code with the same results.
 LEVEL = 1
-
-
-_log = logging.getLogger(__name__)
 
 
 class MachineCode:
@@ -93,39 +87,9 @@ class MachineCode:
 
 def compiler_identity() -> tuple[str, ...]:
     """What object code depends on besides the IR: the processor and its features, LLVM, and how it is used."""
-    cpu, features = _host()
+    cpu, features = host()
     version = ".".join(map(str, llvm.llvm_version_info))
     return cpu, features, version, llvmlite.__version__, " ".join(compiler_options(LEVEL))
-
-
-def compile_units(units: Sequence[str]) -> MachineCode:
-    """Optimize and compile units of IR that call each other, or load the object code of those compiled before.
-
-    Where that is much, progress is logged. Ctrl-C interrupts it after the present unit.
-    """
-    keys = [disk_cache.key(text, *compiler_identity()) for text in units]
-    codes = {key: disk_cache.load(key) for key in keys}
-    missing = {key: text for key, text in zip(keys, units, strict=True) if codes[key] is None}
-    severity = logging.INFO if sum(map(len, missing.values())) >= LONG else logging.DEBUG
-    began = time.monotonic()
-    for index, (key, text) in enumerate(missing.items()):
-        _log.log(severity, "compiling unit %d of %d", index + 1, len(missing))
-        codes[key] = _compiled(key, text)
-    _log.log(severity, "compiled in %.1f s", time.monotonic() - began)
-    return linked(keys, [code for code in codes.values() if code is not None])
-
-
-def compile_once(contents: Sequence[str], emit: Callable[[], str]) -> MachineCode:
-    """Compile the IR that `emit` makes from these contents, or load the object code, without the IR."""
-    key = disk_cache.key(*contents, *compiler_identity())
-    code = disk_cache.load(key)
-    return linked([key], [_compiled(key, emit()) if code is None else code])
-
-
-def _compiled(key: str, text: str) -> bytes:
-    code = object_code(text, *_host(), LEVEL)
-    disk_cache.store(key, code)
-    return code
 
 
 def load_code(key: str) -> MachineCode | None:
@@ -135,14 +99,14 @@ def load_code(key: str) -> MachineCode | None:
 
 
 @functools.cache
-def _host() -> tuple[str, str]:
+def host() -> tuple[str, str]:
     """The processor and its features, in the words of LLVM."""
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
 def linked(keys: Sequence[str], codes: Sequence[bytes]) -> MachineCode:
     """The machine code of the object code of units, which are in the cache by these keys."""
-    linker = llvm.create_lljit_compiler(target_machine(*_host(), LEVEL), use_jit_link=True)
+    linker = llvm.create_lljit_compiler(target_machine(*host(), LEVEL), use_jit_link=True)
     builder = llvm.JITLibraryBuilder().add_current_process()
     for code in codes:
         builder.add_object_img(code)

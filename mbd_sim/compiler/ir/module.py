@@ -172,7 +172,7 @@ class Module:
         return [self._unit(group, texts, uses) for group in (*groups[0], groups[1]) if group]
 
     def _unit(self, names: Sequence[str], texts: Mapping[str, str], uses: Mapping[str, Iterable[str]]) -> str:
-        """The text of some functions, with the bodies of inlined functions that they call, and declarations of others."""
+        """The text of functions, with the bodies of inlined functions that they call, and declarations of others."""
         found, waiting = set(names), [*names]
         used = set[str]()
         while waiting:
