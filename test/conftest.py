@@ -20,7 +20,6 @@ from hypothesis.internal.conjecture import providers
 
 from mbd_sim.base import disk_cache
 from mbd_sim.compiler.code import machine_code
-from mbd_sim.compiler.code.machine_code import LONG
 from mbd_sim.files.text.library import shipped
 from test import shared_builds, without_ros
 from test.shared_memory import remove_unused_shared_memory
@@ -140,7 +139,7 @@ def pytest_runtest_setup(item):
     """Choose the level before the first fixture builds something."""
     place = item.path.relative_to(Path(__file__).parent)
     is_quick = place.parts[0] in QUICKLY_COMPILED or place.as_posix().startswith(QUICKLY_COMPILED_PARTS)
-    machine_code.LEVEL, machine_code.LONG = (0, math.inf) if is_quick else (1, LONG)
+    machine_code.LEVEL = 0 if is_quick else 1
 
 
 @pytest.fixture

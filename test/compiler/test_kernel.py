@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler import kernel as kernel_module
-from mbd_sim.compiler.code import machine_code
+from mbd_sim.compiler.code import host_module, machine_code
 from mbd_sim.compiler.ir import module
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.lists.schedule import arranged
@@ -58,7 +58,8 @@ def test_two_compilations_give_the_same_bits():
 def test_a_processor_without_fused_operations_gets_the_same_bits(monkeypatch):
     """Without them, fused operations are calls of the C library, which also round once."""
     here = run(*compile_model("audited", "dop853"), 300)
-    monkeypatch.setattr(machine_code, "_host", lambda: ("generic", ""))
+    for user in (machine_code, host_module):
+        monkeypatch.setattr(user, "host", lambda: ("generic", ""))
     assert bits(run(*compile_model("audited", "dop853"), 300)) == bits(here)
 
 

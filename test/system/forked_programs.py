@@ -15,7 +15,6 @@ import ctypes
 import gc
 import importlib
 import json
-import math
 import os
 import select
 import signal
@@ -148,7 +147,7 @@ def _become(program: str, arguments: Sequence[str], folder: str, environment: Ma
     if os.environ.get("MBD_SIM_TEST_LEVEL") != "user":
         from mbd_sim.compiler.code import machine_code
 
-        machine_code.LEVEL, machine_code.LONG = 0, math.inf
+        machine_code.LEVEL = 0
     module = importlib.import_module(program)
     sys.argv = [str(module.__file__), *arguments]
     return int(module.main())

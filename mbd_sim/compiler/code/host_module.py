@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import logging
+import time
+from collections.abc import Callable, Sequence
+
 import llvmlite.binding as llvm
 
+from mbd_sim.base import disk_cache
 from mbd_sim.compiler.code import machine_code
-from mbd_sim.compiler.code.machine_code import MachineCode, compile_text
+from mbd_sim.compiler.code.machine_code import MachineCode, compiler_identity, host, linked
+from mbd_sim.compiler.code.object_code import object_code
 from mbd_sim.compiler.ir.builder import IRBuilder
 from mbd_sim.compiler.ir.module import Module
+
+LONG = 1_000_000  # characters of IR from which on the progress of a compilation, which takes seconds, is logged
+
+_log = logging.getLogger(__name__)
 
 
 def new_module() -> Module:
@@ -16,5 +26,31 @@ def new_module() -> Module:
 
 
 def compile_module(module: Module) -> MachineCode:
-    """Optimize and compile a module, or load its object code if the same code was compiled before."""
-    return compile_text(str(module))
+    """Optimize and compile a module, or load the object code of those of its units that were compiled before.
+
+    Ctrl-C interrupts it after the present unit.
+    """
+    units = module.units()
+    keys = [disk_cache.key(text, *compiler_identity()) for text in units]
+    codes = {key: disk_cache.load(key) for key in keys}
+    missing = {key: text for key, text in zip(keys, units, strict=True) if codes[key] is None}
+    severity = logging.INFO if sum(map(len, missing.values())) >= LONG else logging.DEBUG
+    began = time.monotonic()
+    for index, (key, text) in enumerate(missing.items(), 1):
+        _log.log(severity, "compiling unit %d of %d", index, len(missing))
+        codes[key] = _compiled(key, text)
+    _log.log(severity, "compiled in %.1f s", time.monotonic() - began)
+    return linked(keys, [code for code in codes.values() if code is not None])
+
+
+def compile_once(contents: Sequence[str], emit: Callable[[], str]) -> MachineCode:
+    """Compile the IR that `emit` makes from these contents, or load the object code, without the IR."""
+    key = disk_cache.key(*contents, *compiler_identity())
+    code = disk_cache.load(key)
+    return linked([key], [_compiled(key, emit()) if code is None else code])
+
+
+def _compiled(key: str, text: str) -> bytes:
+    code = object_code(text, *host(), machine_code.LEVEL)
+    disk_cache.store(key, code)
+    return code

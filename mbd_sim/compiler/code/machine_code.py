@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 
 import llvmlite
@@ -16,7 +16,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from mbd_sim.base import disk_cache
-from mbd_sim.compiler.code.object_code import compiler_options, object_code, target_machine
+from mbd_sim.compiler.code.object_code import compiler_options, target_machine
 
 NONE = "_Py_NoneStruct"
 NAMES = (
@@ -69,11 +69,10 @@ def _numpy_functions() -> ctypes.Array[ctypes.c_size_t]:
 # Of LLVM's code generator. At level 0, which also has loops and calls in place of unrolled and inlined code, small
 # mechanisms compile in a tenth of the time, to slower code with the same results.
 LEVEL = 1
-LONG = 1_000_000  # characters of IR from which on a process of its own pays: it starts in 0.1 s, LLVM needs 1 s
 
 
 class MachineCode:
-    """Compiled functions, which live as long as this object; `key` is that of their object code in the cache."""
+    """Compiled functions, which live as long as this object; `key` has those of their object code in the cache."""
 
     def __init__(self, library: llvm.ResourceTracker, linker: llvm.LLJIT, key: str) -> None:
         self.key, self._name = key, library.name
@@ -88,52 +87,30 @@ class MachineCode:
 
 def compiler_identity() -> tuple[str, ...]:
     """What object code depends on besides the IR: the processor and its features, LLVM, and how it is used."""
-    cpu, features = _host()
+    cpu, features = host()
     version = ".".join(map(str, llvm.llvm_version_info))
     return cpu, features, version, llvmlite.__version__, " ".join(compiler_options(LEVEL))
 
 
-def compile_text(text: str) -> MachineCode:
-    """Optimize and compile IR, or load the object code if the same code was compiled before."""
-    return compile_once([text], lambda: text)
-
-
-def compile_once(contents: Sequence[str], emit: Callable[[], str]) -> MachineCode:
-    """Compile the IR that `emit` makes from these contents, or load the object code, without the IR."""
-    key = disk_cache.key(*contents, *compiler_identity())
-    code = disk_cache.load(key)
-    if code is None:
-        code = _compiled(emit(), *_host(), LEVEL)
-        disk_cache.store(key, code)
-    return linked(key, code)
-
-
 def load_code(key: str) -> MachineCode | None:
     """The machine code with this key, if it is in the cache."""
-    code = disk_cache.load(key)
-    return None if code is None else linked(key, code)
+    codes = [disk_cache.load(one) for one in key.split()]
+    return None if None in codes else linked(key.split(), [code for code in codes if code is not None])
 
 
 @functools.cache
-def _host() -> tuple[str, str]:
+def host() -> tuple[str, str]:
     """The processor and its features, in the words of LLVM."""
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
-def linked(key: str, code: bytes) -> MachineCode:
-    """The machine code of object code."""
-    linker = llvm.create_lljit_compiler(target_machine(*_host(), LEVEL), use_jit_link=True)
-    builder = llvm.JITLibraryBuilder().add_current_process().add_object_img(code)
+def linked(keys: Sequence[str], codes: Sequence[bytes]) -> MachineCode:
+    """The machine code of the object code of units, which are in the cache by these keys."""
+    linker = llvm.create_lljit_compiler(target_machine(*host(), LEVEL), use_jit_link=True)
+    builder = llvm.JITLibraryBuilder().add_current_process()
+    for code in codes:
+        builder.add_object_img(code)
     for name, address in external_symbols().items():
         builder.import_symbol(name, address)
+    key = " ".join(keys)
     return MachineCode(builder.link(linker, key), linker, key)
-
-
-def _compiled(text: str, cpu: str, features: str, level: int) -> bytes:
-    is_long = len(text) >= LONG
-    if is_long:
-        from mbd_sim.compiler.code.compile_process import compile_apart
-
-        if (code := compile_apart(text, cpu, features, level)) is not None:
-            return code
-    return object_code(text, cpu, features, level, is_long=is_long)

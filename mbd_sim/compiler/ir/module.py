@@ -7,7 +7,8 @@ LLVM Language Reference Manual, https://llvm.org/docs/LangRef.html, describes th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any, NamedTuple, TypeAlias
@@ -15,9 +16,12 @@ from typing import Any, NamedTuple, TypeAlias
 Type: TypeAlias = str  # as LLVM writes it: double, i64, ptr, <8 x double>
 
 ALWAYS_INLINE = "alwaysinline"
+LARGE = 300  # lines of a function from which on it is a unit of its own
 UNROLLED = 40  # components up to which operations on state vectors are unrolled into registers
 
 VOID, BOOL, POINTER = "void", "i1", "ptr"
+
+_NAMED = re.compile('@"([^"]+)"')  # a function, a variable or a table
 
 
 class Value(NamedTuple):
@@ -96,9 +100,14 @@ class Function:
         self.blocks.append(BasicBlock(self, f"{name}.{next(self.numbers)}"))
         return self.blocks[-1]
 
+    @property
+    def declaration(self) -> str:
+        """The line that declares it where it is defined elsewhere."""
+        return f"declare {self._signature}"
+
     def __str__(self) -> str:
         if not self.blocks:
-            return f"declare {self._signature}"
+            return self.declaration
         return "\n".join([f"define {self.linkage} {self._signature} {{", *map(str, self.blocks), "}"])
 
     @property
@@ -147,15 +156,50 @@ class Module:
         return Value(POINTER, f'@"{name}"')
 
     def __str__(self) -> str:
-        return "\n".join([self._header(), *map(str, self.functions.values()), ""])
+        return "\n".join([*self._header(), *map(str, self.functions.values()), ""])
 
-    def _header(self) -> str:
-        """The text before the functions: the processor and the variables."""
-        variables = [f'@"{name}" = external global {type_}' for name, type_ in self._variables.items()]
+    def units(self) -> list[str]:
+        """The module as texts to compile apart: each `LARGE` function is one, and all others together are one.
+
+        The steps of a method depend on the sizes of a system only, so that they need not be compiled again where its
+        equations have changed. Functions that are inlined are in each unit that calls them.
+        """
+        texts = {name: str(function) for name, function in self.functions.items()}
+        uses = {name: dict.fromkeys(_NAMED.findall(text)) for name, text in texts.items()}
+        own = [name for name, function in self.functions.items() if function.blocks and not function.is_inlined]
+        large = [name for name in own if texts[name].count("\n") >= LARGE]
+        groups = [[name] for name in large], [name for name in own if name not in large]
+        return [self._unit(group, texts, uses) for group in (*groups[0], groups[1]) if group]
+
+    def _unit(self, names: Sequence[str], texts: Mapping[str, str], uses: Mapping[str, Iterable[str]]) -> str:
+        """The text of functions, with the bodies of inlined functions that they call, and declarations of others."""
+        found, waiting = set(names), [*names]
+        used = set[str]()
+        while waiting:
+            further = set(uses[waiting.pop()]) - found
+            used |= further
+            inlined = [name for name in further if name in self.functions and self.functions[name].is_inlined]
+            found.update(inlined)
+            waiting += inlined
+        lines = self._header(used)
+        for name, function in self.functions.items():
+            if name in found:
+                lines.append(texts[name] if function.is_inlined else texts[name].replace("internal ", "", 1))
+            elif name in used:
+                lines.append(function.declaration)
+        return "\n".join([*lines, ""])
+
+    def _header(self, used: Collection[str] | None = None) -> list[str]:
+        """The lines before the functions: the processor and the variables, or those that are used."""
+        lines = [f'target triple = "{self.triple}"']
+        for name, type_ in self._variables.items():
+            if used is None or name in used:
+                lines.append(f'@"{name}" = external global {type_}')
         for name, numbers in self._tables.items():
-            entries = ", ".join(f"i64 {entry}" for entry in numbers)
-            variables.append(f'@"{name}" = internal constant [{len(numbers)} x i64] [{entries}]')
-        return "\n".join([f'target triple = "{self.triple}"', *variables])
+            if used is None or name in used:
+                entries = ", ".join(f"i64 {entry}" for entry in numbers)
+                lines.append(f'@"{name}" = internal constant [{len(numbers)} x i64] [{entries}]')
+        return lines
 
 
 def vector_of(scalar: Type, lanes: int) -> Type:

@@ -301,7 +301,7 @@ def emit_one_sided(
     if one_sided.time_stepping:
         return emit_time_stepping(module, system, closed, steps, one_sided.mode_range)
     open_start = arranged(one_sided.open_start)
-    inline = instruction_count(open_start) <= INLINED_START
+    inline = module.fast and instruction_count(open_start) <= INLINED_START
     packing = packed(open_start, like_branches) if module.fast else None
     guards = Guards(
         gaps=one_sided.gaps,

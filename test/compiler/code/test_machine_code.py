@@ -5,7 +5,8 @@ import gc
 
 import pytest
 
-from mbd_sim.compiler.code.machine_code import compile_text, load_code
+from mbd_sim.compiler.code.host_module import compile_once
+from mbd_sim.compiler.code.machine_code import load_code
 
 # Both use constants; the second one calls the C library and the interpreter.
 TEXT = """
@@ -29,7 +30,7 @@ sine_and_size = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.py_ob
 
 
 def test_addresses_remain_valid_while_the_code_is_kept():
-    code = compile_text(TEXT)
+    code = compile_once([TEXT], lambda: TEXT)
     first, second = scaled(code.address("scaled")), sine_and_size(code.address("sine_and_size"))
     gc.collect(1)
     others = [load_code(code.key) for _ in range(3)]
@@ -42,4 +43,4 @@ def test_addresses_remain_valid_while_the_code_is_kept():
 
 def test_a_function_that_the_code_does_not_have_is_named():
     with pytest.raises(RuntimeError, match="velocity"):
-        compile_text(TEXT).address("velocity")
+        compile_once([TEXT], lambda: TEXT).address("velocity")

@@ -119,7 +119,7 @@ def test_a_run_imports_nothing_also_of_the_page_and_sets_off_no_search_for_garba
 
 ROOT = Path(__file__).parents[3]
 QUIET = f"""
-import gc, math, sys
+import gc, sys
 import rclpy
 from mbd_sim.compiler.code import machine_code
 from mbd_sim.ros.node import sim_node
@@ -130,7 +130,7 @@ arguments = ["--ros-args", "--log-level", "ERROR"]
 for name, value in given.items():
     arguments += ["-p", f"{{name}}:={{str(value).lower() if isinstance(value, bool) else value}}"]
 rclpy.init(args=arguments, domain_id=int(sys.argv[3]))
-machine_code.LEVEL, machine_code.LONG = 0, math.inf
+machine_code.LEVEL = 0
 node = sim_node._make_node(lambda: None)
 searches, before = [], set(sys.modules)
 

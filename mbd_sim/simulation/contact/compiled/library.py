@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.compiler.code.host_module import new_module
-from mbd_sim.compiler.code.machine_code import compile_once
+from mbd_sim.compiler.code.host_module import compile_once, new_module
 from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
 from mbd_sim.simulation.contact.compiled import (
