@@ -50,9 +50,14 @@ class ActuatorBuffer:
 
         :raises CommandError: wrong length, or one is not finite.
         """
-        if len(values) != len(self.map.names):
-            names = listed(list(self.map.names)) if self.map.names else "no channel: there are no actuators"
-            raise CommandError(f"{len(values)} commands given", f"Give one for each of: {names}.")
+        names = self.map.names
+        if not names and len(values):
+            remedy = "Send efforts of joints to ~/commands, or write actuators into the file."
+            raise CommandError("the mechanism has no actuators", remedy)
+        if len(values) != len(names):
+            raise CommandError(
+                f"{len(names)} commands expected, but {len(values)} given", f"Give one for each of: {listed(list(names))}."
+            )
         return self.map.checked(self.map.names, np.array(values, dtype=float))
 
     def take(self, requested: Array, actuators: Iterable[str], timeout: float | None = None) -> None:

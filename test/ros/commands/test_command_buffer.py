@@ -48,12 +48,16 @@ def test_names_leave_the_other_efforts_and_add_up_between_two_steps(buffer):
         (["hip"], [math.inf], "the effort of hip is not finite. Give finite numbers."),
         (["hip"], [], "'name' and 'effort' differ in length: 1 and 0."),
         (["hip", "hip"], [1.0, 2.0], "'hip' is named twice"),
+        ("actuators", [1.0], "the mechanism has no actuators. Send efforts of joints to ~/commands, or"),
     ],
 )
 def test_a_bad_command_is_rejected_whole_and_counted(buffer, names, efforts, words):
     buffer.by_order([1.0, 2.0, 3.0])
     with pytest.raises(CommandError) as caught:
-        buffer.by_order(efforts) if names is None else buffer.by_name(names, efforts)
+        if names == "actuators":
+            buffer.actuators_by_order(efforts)
+        else:
+            buffer.by_order(efforts) if names is None else buffer.by_name(names, efforts)
     assert words in str(caught.value)
     assert (buffer.accepted, buffer.rejected) == (1, 1)
     assert buffer.due(0.0)[0].efforts.tolist() == [1.0, 2.0, 3.0]
