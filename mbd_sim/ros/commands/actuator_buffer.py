@@ -55,9 +55,8 @@ class ActuatorBuffer:
             remedy = "Send efforts of joints to ~/commands, or write actuators into the file."
             raise CommandError("the mechanism has no actuators", remedy)
         if len(values) != len(names):
-            raise CommandError(
-                f"{len(names)} commands expected, but {len(values)} given", f"Give one for each of: {listed(list(names))}."
-            )
+            remedy = f"Give one for each of: {listed(list(names))}."
+            raise CommandError(f"{len(names)} commands expected, but {len(values)} given", remedy)
         return self.map.checked(self.map.names, np.array(values, dtype=float))
 
     def take(self, requested: Array, actuators: Iterable[str], timeout: float | None = None) -> None:
