@@ -103,7 +103,8 @@ def test_a_bad_command_is_refused_whole(buffer, names, arrays, words):
 
 
 @pytest.mark.parametrize(
-    ("values", "words"), [([1.0], "6 commands expected, but 1 given. Give one for each of: a.position"), ([math.nan] * 6, "one finite")]
+    ("values", "words"),
+    [([1.0], "6 commands expected, but 1 given. Give one for each of: a.position"), ([math.nan] * 6, "one finite")],
 )
 def test_commands_in_order_that_do_not_fit_are_refused(buffer, values, words):
     with pytest.raises(CommandError) as caught:
