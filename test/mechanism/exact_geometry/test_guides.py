@@ -12,7 +12,6 @@ from mbd_sim.files.load import parse_mechanism
 from test.mechanism.exact_geometry.guided import GUIDED, guided_file, guided_text
 from test.mechanism.exact_geometry.test_snapping import freedoms_of, rates_at_start
 
-
 # Each kind of guide, on axes and beside them, in pairs and within rigid groups.
 LOCKED = (
     "slider-crank", "four-bar on a plane", "six-bar", "door in a second bearing", "door on an oblique line",

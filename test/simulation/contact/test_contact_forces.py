@@ -64,12 +64,15 @@ def test_the_force_of_a_strut_pushes():
 
 
 def test_friction_in_two_directions_opposes_the_slip():
-    sim = Simulation.from_text("""
+    sim = Simulation.from_text(
+        """
 mechanism: puck
 parts: {ball: {shape: {type: sphere, mass: 2, radius: 0.1}}}
 joints: {ball: {type: free, between: [ground, ball], position: [0, 0, 0.1], velocity: [3, -4, 0]}}
 constraints: {floor: {type: rolling, wheel: ball, radius: 0.1, friction: 0.1}}
-""", method="tsitouras8")
+""",
+        method="tsitouras8",
+    )
     (contact,) = sim.contacts().values()
     assert contact.state == "slides"
     np.testing.assert_allclose(contact.force, 2 * 9.81 * np.array([-0.06, 0.08, 1.0]), rtol=0, atol=1e-12)
@@ -85,7 +88,8 @@ def test_without_contact_there_is_a_point_and_no_force_and_stops_have_neither():
 
 
 def test_the_forces_between_shapes_act_on_the_first_part():
-    sim = Simulation.from_text("""
+    sim = Simulation.from_text(
+        """
 mechanism: column
 parts: {low: {shape: {type: sphere, mass: 3, radius: 0.1}}, high: {shape: {type: sphere, mass: 2, radius: 0.1}}}
 joints:
@@ -94,7 +98,9 @@ joints:
 contacts:
   floor: {parts: [low], plane: ground, friction: 0.5}
   pair: {between: [high, low]}
-""", method="tsitouras8")
+""",
+        method="tsitouras8",
+    )
     floor, pair = sim.contacts().values()
     np.testing.assert_allclose([floor.force, pair.force], [-5.0 * G, -2.0 * G], rtol=0, atol=1e-12)
     np.testing.assert_allclose([floor.point, pair.point], [[0, 0, 0], [0, 0, 0.2]], rtol=0, atol=1e-15)
@@ -156,7 +162,9 @@ joints:
 contacts:
   compliance: {parts: [box], plane: ground, friction: 0.5, stiffness: 1e4, exponent: 1}
   floor: {parts: [ball], plane: ground, restitution: 0.5}
-""", method="tsitouras8")
+""",
+        method="tsitouras8",
+    )
     contacts = sim.contacts()
     floor, *corners = contacts
     assert floor == "floor" and contacts["floor"].state == "closed"

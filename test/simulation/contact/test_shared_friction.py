@@ -26,7 +26,9 @@ parts: {{block: {{mass: {MASS}, inertia: [0.1, 0.1, 0.1], points: {{{points}, pu
 joints: {{f: {{type: planar, axis: [0, 1, 0], x_axis: [1, 0, 0], between: [ground, block], position: [0, -0.1, 0]}}}}
 constraints: {{{", ".join(f"c{i}: {{type: on_plane, point: block.p{i}, {law}}}" for i in range(count))}}}
 forces: {{push: {{type: force, at: block.push, vector: ["{RATE}*t", 0, 0]}}}}
-""", method="tsitouras8")
+""",
+        method="tsitouras8",
+    )
 
 
 def slipping(friction, static, time):
@@ -116,7 +118,9 @@ joints: {{f: {{type: free, between: [ground, top], position: {written([0, 0, 0.3
 constraints:
 {rows}
 forces: {{push: {{type: force, at: top.push, vector: {vector}}}}}
-""", method="tsitouras8")
+""",
+        method="tsitouras8",
+    )
 
 
 def time_of_slip(simulation):

@@ -39,7 +39,8 @@ def test_a_brake_that_is_released_while_a_mass_turns_acts_later():
     """A mass on a spring turns at π s, before the brake acts; as with a brake that is never quite released."""
     spring = SLIDER.replace("axis: [1, 0, 0]", "axis: [1, 0, 0], stiffness: 1, position: 1")
     released, dragging = (
-        Simulation.from_text(spring + BRAKE.format(f"max({least}, 0.2*(t - 4))"), step=0.01, method="tsitouras8") for least in (0, 1e-14)
+        Simulation.from_text(spring + BRAKE.format(f"max({least}, 0.2*(t - 4))"), step=0.01, method="tsitouras8")
+        for least in (0, 1e-14)
     )
     for sim in (released, dragging):
         sim.run(until=10.0)

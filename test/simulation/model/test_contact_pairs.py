@@ -69,7 +69,9 @@ joints:
 ground: {points: {high: [0, 0, HEIGHT]}}
 contacts: {hit: {between: [a, b]}}
 """
-    assert Simulation.from_text(text.replace("HEIGHT", "0"), method="tsitouras8").contacts()["hit"].gap == pytest.approx(0.8)
+    assert Simulation.from_text(text.replace("HEIGHT", "0"), method="tsitouras8").contacts()[
+        "hit"
+    ].gap == pytest.approx(0.8)
     with pytest.raises(MechanismError, match=r"never touch: they are 0.3 m apart"):
         Simulation.from_text(text.replace("HEIGHT", "0.3"), method="tsitouras8")
 
