@@ -39,10 +39,9 @@ PROFILE = "0.4 + 0.05*cos(angle) + 0.02*sin(2*angle)"
 
 
 def pair(contact, a=BALL, b=SPHERE, start="0, 0, 0"):
+    """Two bodies of which the readings are compared; no step is taken."""
     text = PAIR.replace("[A]", f"[{a}]").replace("[B]", f"[{b}]")
-    return Simulation.from_text(
-        text.replace("CONTACT", contact).replace("START", start), method="rk4"
-    )  # for its readings
+    return Simulation.from_text(text.replace("CONTACT", contact).replace("START", start), method="rk4")
 
 
 def random_state(simulation, seed):
