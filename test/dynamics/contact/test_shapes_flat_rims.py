@@ -23,7 +23,6 @@ parts: {{body: {{shape: {{type: {shape}, mass: 2, axis: [0, 0, 1]}}}}}}
 joints: {{flight: {{type: free, between: [ground, body], position: [0, 0, 1]}}}}
 contacts: {{floor: {{parts: [body], plane: ground, friction: {MU}}}}}
 """,
-        method="tsitouras8",
         **options,
     )
     sim.reset([*position, np.cos(0.5 * tilt), np.sin(0.5 * tilt), 0.0, 0.0], speeds)
