@@ -6,6 +6,7 @@ The first process removes the shared memory of killed nodes, before and after th
 """
 
 import atexit
+import functools
 import gc
 import math
 import os
@@ -108,6 +109,12 @@ def pytest_unconfigure():
         remove_unused_shared_memory()
 
 
+@functools.cache
+def place_of(path):
+    """Where a file of tests is in this folder."""
+    return path.relative_to(Path(__file__).parent).as_posix()
+
+
 def pytest_collection_modifyitems(items):
     """Begin with tests that wait for processes, beside which others can compute, and with those that take longest.
 
@@ -119,8 +126,7 @@ def pytest_collection_modifyitems(items):
     places = {name: place for place, name in enumerate([*sorted(shipped()), *LINKAGES])}
 
     def place(item):
-        path = item.path.relative_to(Path(__file__).parent).as_posix()
-        if path.startswith(WAITING) or item.name.partition("[")[0] in LONG_TESTS:
+        if place_of(item.path).startswith(WAITING) or item.name.partition("[")[0] in LONG_TESTS:
             return -2
         values = item.callspec.params.values() if hasattr(item, "callspec") else ()
         return next((places[value] for value in values if isinstance(value, str) and value in places), -1)
@@ -137,8 +143,8 @@ def pytest_collection_finish():
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
     """Choose the level before the first fixture builds something."""
-    place = item.path.relative_to(Path(__file__).parent)
-    is_quick = place.parts[0] in QUICKLY_COMPILED or place.as_posix().startswith(QUICKLY_COMPILED_PARTS)
+    place = place_of(item.path)
+    is_quick = place.partition("/")[0] in QUICKLY_COMPILED or place.startswith(QUICKLY_COMPILED_PARTS)
     machine_code.LEVEL = 0 if is_quick else 1
 
 

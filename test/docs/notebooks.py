@@ -56,6 +56,7 @@ WINDOWS = (
 )  # what opens a window, takes long, or has no file; test_docs parses it
 
 
+FEW = re.compile(r"(?<=positions=)\d+|(?<=samples[= ])\d+")  # of motions, and of tolerances
 RANGE = re.compile(r"(.+=.+?:[^:]+)(?::\d+)?\Z")  # NAME=FROM:TO:POSITIONS
 POSITIONS = {"kinematics": 5, "centers": 5, "size": 5, "modes": 3, "optimize": 9}
 ROWS = re.compile(r"(?<=\\n\" \* )\d+")  # of a table that a page writes; `optimize` takes as many positions
@@ -103,11 +104,11 @@ def execute_snippet(language, code):
     elif language == "python" and "fmpy" in code and not find_spec("fmpy"):
         return  # an extra of the tests
     elif language == "python" and "rclpy" not in code and "Lockstep" not in code:
-        exec(ROWS.sub(str(POSITIONS["optimize"]), code), {"__name__": "__main__"})
+        exec(FEW.sub("5", ROWS.sub(str(POSITIONS["optimize"]), code)), {"__name__": "__main__"})
     elif language == "c":
         Path("main.c").write_text(code, encoding="utf-8")
     elif language == "sh":
-        for line in code.replace("\\\n", " ").splitlines():
+        for line in FEW.sub("5", code).replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
             words = _coarser(words) if words[:1] == ["mbd_sim"] else words
             if "--animate" in words and words[1] == "run":

@@ -5,8 +5,10 @@ from pathlib import Path
 import pytest
 from matplotlib import pyplot as plt
 
+from mbd_sim.analysis.equilibria import equilibrium
 from mbd_sim.cli.main import main
 from mbd_sim.exports.fmu import archive
+from mbd_sim.studies.kinematic_analysis import modes
 from mbd_sim.studies.synthesis import global_search
 from test.docs.notebooks import execute_snippet, snippets, undrawn
 
@@ -27,7 +29,10 @@ PAGES = [
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_snippets_of_a_page_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(global_search, "POLISHED", 1)
+    for module, name, few in (
+        (equilibrium, "ATTEMPTS", 2), (global_search, "POLISHED", 1), (modes, "LEAST", 30), (modes, "BATCH", 30),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, few)
     monkeypatch.setattr(archive, "FLAGS", tuple(flag.replace("-O3", "-O0") for flag in archive.FLAGS))
     with undrawn():
         for language, code in snippets(page.read_text(encoding="utf-8")):

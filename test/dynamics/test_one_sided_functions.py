@@ -29,7 +29,8 @@ def test_factors_give_the_same_motion_as_the_matrix(monkeypatch, own_builds, nam
     found = []
     for least in (1, 10**9):
         monkeypatch.setattr(one_sided_functions, "FACTORED", least)
-        sim = Simulation.from_file(name) if text is None else Simulation.from_text(text)
+        options = {"method": "tsitouras8"}
+        sim = Simulation.from_file(name, **options) if text is None else Simulation.from_text(text, **options)
         assert (sim.model.equations.one_sided.rates.factors is None) == (least > 1)
         sim.run(until=until)
         assert sim.contact_events or name == "slider_crank_friction"

@@ -50,7 +50,7 @@ def written_mimics(robot):
     return found
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_mimics_are_exported_as_in_the_file(seed):
     rng = np.random.default_rng(seed)
     text, expected = hand(rng, int(rng.integers(2, 9)))
@@ -94,7 +94,7 @@ def train(rng, count):
     return text, [f"j{i}" for i in motors]
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(12))
 def test_every_equation_holds_where_all_followers_mimic_their_leaders(seed):
     rng = np.random.default_rng(seed)
     text, actuated = train(rng, int(rng.integers(2, 9)))

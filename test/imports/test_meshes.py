@@ -1,6 +1,7 @@
 """Meshes as the parts of an assembly: the command on a folder, in several formats, and what is refused."""
 
 import zipfile
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from mbd_sim.imports.meshes import mesh_files, read_meshes
 from test.files.text.test_mesh_files import block as inside_out
 from test.files.text.test_mesh_files import write_stl
 
-trimesh = pytest.importorskip("trimesh")
+pytestmark = pytest.mark.skipif(find_spec("trimesh") is None, reason="needs trimesh")
 
 
 def block(size, center=(0.0, 0.0, 0.0)):
@@ -20,6 +21,8 @@ def block(size, center=(0.0, 0.0, 0.0)):
 
 def write_parts(folder):
     """A table, a block on it in millimeters as STL and OBJ, and a disc as 3MF in inches; all in one frame."""
+    import trimesh
+
     folder.mkdir()
     write_stl(folder / "table.stl", 1000.0 * block([0.4, 0.4, 0.1], [0.0, 0.0, -0.05]))
     trimesh.Trimesh(**trimesh.triangles.to_kwargs(1000.0 * block([0.1, 0.1, 0.1], [0.05, 0.0, 0.05]))).export(

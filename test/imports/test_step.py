@@ -1,9 +1,10 @@
 """STEP files that OpenCASCADE wrote: masses against closed forms and meshes, the tree, units, and files that are refused."""
 
+import functools
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
-
-pytest.importorskip("OCP")
 
 from mbd_sim import InputError, Simulation, load_mechanism
 from mbd_sim.base.geometry.pose import Pose
@@ -12,7 +13,17 @@ from mbd_sim.files.text.mesh_files import solid
 from mbd_sim.imports import step
 from mbd_sim.imports.step import read_step
 from mbd_sim.mechanism.mass_properties import MassProperties, composite
-from test.generators import step_files as cad
+
+pytestmark = pytest.mark.skipif(find_spec("OCP") is None, reason="needs OpenCASCADE")
+
+
+@functools.cache
+def cad():
+    """The module, with which OpenCASCADE is imported: late, as that takes a second in each process."""
+    from test.generators import step_files
+
+    return step_files
+
 
 STEEL, ALUMINUM = 7850.0, 2700.0
 
@@ -27,18 +38,18 @@ def disc(start, radius, length):
 
 def expected_crankshaft():
     angles = 2.0 * np.pi * np.arange(3) / 3.0
-    bodies = [disc((0, -60, 0), cad.SHAFT, 60), disc((0, 300, 0), cad.SHAFT, 60)]
+    bodies = [disc((0, -60, 0), cad().SHAFT, 60), disc((0, 300, 0), cad().SHAFT, 60)]
     for k, angle in enumerate(angles):
-        y = cad.PITCH * (k + 0.5)
-        pin = (cad.CRANK * np.sin(angle), y - 15, cad.CRANK * np.cos(angle))
-        bodies += [disc((0, y - 50, 0), 65, 35), disc((0, y + 15, 0), 65, 35), disc(pin, cad.PIN, 30)]
+        y = cad().PITCH * (k + 0.5)
+        pin = (cad().CRANK * np.sin(angle), y - 15, cad().CRANK * np.cos(angle))
+        bodies += [disc((0, y - 50, 0), 65, 35), disc((0, y + 15, 0), 65, 35), disc(pin, cad().PIN, 30)]
     return composite(bodies)
 
 
 def test_an_engine_of_two_materials_becomes_a_mechanism_by_one_command(tmp_path, monkeypatch, capsys):
     """Masses and inertias are those of closed forms and of the meshes; the closed loops assemble where they are."""
     monkeypatch.chdir(tmp_path)
-    cad.engine().write(tmp_path / "engine.step")
+    cad().engine().write(tmp_path / "engine.step")
     line = "import engine.step --density steel --density piston*=aluminum --joints all --joint 5=weld"
     assert main([*line.split(), *(f"--joint=rod{k}_pin{k}=weld" for k in ("", "_2", "_3"))]) == 0
     said = capsys.readouterr()
@@ -47,11 +58,11 @@ def test_an_engine_of_two_materials_becomes_a_mechanism_by_one_command(tmp_path,
     mechanism = load_mechanism("engine.yaml")
     assert len(mechanism.parts) == 12
     parts = mechanism.parts
-    wheel = disc((0, -60, 0), 120, 30), disc((0, -60, 0), cad.SHAFT, 30).scaled(-1.0)
+    wheel = disc((0, -60, 0), 120, 30), disc((0, -60, 0), cad().SHAFT, 30).scaled(-1.0)
     closed = {
         "flywheel": composite(wheel),
         "crankshaft": expected_crankshaft(),
-        "pin": disc((0, -30, 0), cad.WRIST, 60),
+        "pin": disc((0, -30, 0), cad().WRIST, 60),
     }
     for name, expected in closed.items():
         part, largest = parts[name], np.max(expected.inertia)
@@ -77,7 +88,7 @@ def triangles_of(part, folder):
 def test_one_cylinder_runs(tmp_path, monkeypatch):
     """The crank turns by itself: one degree of freedom besides the redundant conditions, and energy is kept."""
     monkeypatch.chdir(tmp_path)
-    cad.engine(1).write(tmp_path / "one.step")
+    cad().engine(1).write(tmp_path / "one.step")
     line = "import one.step --density steel --joints all --joint crankshaft_flywheel=weld --joint rod_pin=weld --force"
     assert main(line.split()) == 0
     text = (tmp_path / "one.yaml").read_text()
@@ -92,15 +103,15 @@ def test_one_cylinder_runs(tmp_path, monkeypatch):
 
 def nested(tmp_path, unit="MM"):
     """Two mirrored jaws, each with two pins, in turned sub-assemblies of a vice with names beyond ASCII."""
-    assembly = cad.StepAssembly("étau")
-    jaw = cad.cut(cad.box((0, 0, 0), (30, 20, 10)), cad.cylinder((5, 5, -1), (0, 0, 1), 2.0, 12.0))
-    pin = assembly.product("Stift Ø4", cad.cylinder((0, 0, 0), (0, 0, 1), 2.0, 10.0), (0.2, 0.4, 0.6))
-    for name, shape, angle in (("左", jaw, 0.7), ("右", cad.mirrored(jaw, (1, 0, 0)), -0.4)):
+    assembly = cad().StepAssembly("étau")
+    jaw = cad().cut(cad().box((0, 0, 0), (30, 20, 10)), cad().cylinder((5, 5, -1), (0, 0, 1), 2.0, 12.0))
+    pin = assembly.product("Stift Ø4", cad().cylinder((0, 0, 0), (0, 0, 1), 2.0, 10.0), (0.2, 0.4, 0.6))
+    for name, shape, angle in (("左", jaw, 0.7), ("右", cad().mirrored(jaw, (1, 0, 0)), -0.4)):
         group = assembly.group(f"unit {name}")
         assembly.add("клешня", shape, into=group)
-        assembly.place(pin, cad.placement((1, 2, 3), (0, 1, 0), 0.3), into=group)
-        assembly.place(pin, cad.placement((-5, 5, 0)), into=group, name="axis {A}")
-        assembly.place(group, cad.placement((10, 0, -20), (1, 1, 0), angle))
+        assembly.place(pin, cad().placement((1, 2, 3), (0, 1, 0), 0.3), into=group)
+        assembly.place(pin, cad().placement((-5, 5, 0)), into=group, name="axis {A}")
+        assembly.place(group, cad().placement((10, 0, -20), (1, 1, 0), angle))
     return assembly.write(tmp_path / "étau.step", unit)
 
 
@@ -115,7 +126,7 @@ def test_nested_mirrored_and_repeated_parts_keep_their_places_in_every_unit(tmp_
     left, right = assembly.parts[0], assembly.parts[3]
     volume = (30 * 20 * 10 - np.pi * 4 * 10) * 1e-9
     for jaw, angle, side in ((left, 0.7, 1.0), (right, -0.4, -1.0)):
-        turn = cad.rotation((1, 1, 0), angle)
+        turn = cad().rotation((1, 1, 0), angle)
         assert jaw.volume == pytest.approx(volume, rel=1e-9)
         assert jaw.pose.rotation == pytest.approx(turn, abs=1e-12)
         assert jaw.pose.position == pytest.approx([0.01, 0.0, -0.02], abs=1e-12)
@@ -123,7 +134,7 @@ def test_nested_mirrored_and_repeated_parts_keep_their_places_in_every_unit(tmp_
         x = (30 * 20 * 10e-9 * 0.015 - hole * 0.005) / volume
         assert jaw.bodies[0].body.volume.center[0] == pytest.approx(side * x, rel=1e-9)
     pin = assembly.parts[4]
-    inner = Pose(np.array([1e-3, 2e-3, 3e-3]), cad.rotation((0, 1, 0), 0.3))
+    inner = Pose(np.array([1e-3, 2e-3, 3e-3]), cad().rotation((0, 1, 0), 0.3))
     expected = right.pose @ inner
     assert pin.pose.position == pytest.approx(expected.position, abs=1e-12)
     assert pin.pose.rotation == pytest.approx(expected.rotation, abs=1e-12)
@@ -150,7 +161,7 @@ def test_what_is_not_a_solid_is_refused_with_the_reason(tmp_path, monkeypatch):
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.gp import gp_Pln
 
-    sheet = cad.StepAssembly("sheet")
+    sheet = cad().StepAssembly("sheet")
     sheet.add("skin", BRepBuilderAPI_MakeFace(gp_Pln(), 0.0, 1.0, 0.0, 1.0).Shape())
     cases = {
         "the file is empty": b" \n",

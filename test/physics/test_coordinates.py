@@ -46,12 +46,6 @@ PIN = "  pin: {type: revolute, between: [ground, rod], axis: [0, -1, 0]"
 # Further joints, parts and constraints; q and u as functions of the angle a and the speed w.
 RODS = {
     "revolute": (PIN + "}", "", lambda a, w: ([a], [w])),
-    "the other way round": (
-        "  pin: {type: revolute, between: [rod, ground], axis: [0, 1, 0]}",
-        "",
-        lambda a, w: ([a], [w]),
-    ),
-    "backwards": ("  pin: {type: revolute, between: [rod, ground], axis: [0, -1, 0]}", "", lambda a, w: ([-a], [-w])),
     "a planar joint, the pin cut": (
         f"  plane: {{type: planar, between: [ground, rod], axis: [0, -1, 0], x_axis: [1, 0, 0]}}\n{PIN}, cut: true}}",
         "",
@@ -88,9 +82,7 @@ def test_rod_pendulum_in_other_coordinates(name):
             sim.step(500)
         assert_alike(found, expected, 1e-12)
         force = expected.reactions()["pin"].force
-        if name in ("backwards", "the other way round"):
-            assert found.reactions()["pin"].force == near(-force, 1e-12)  # on the second part, which is ground
-        elif "pin" in found.reactions():
+        if "pin" in found.reactions():
             assert found.reactions()["pin"].force == near(force, 1e-12)
         else:
             assert np.sort(np.abs(found.multipliers()["pin"])) == near(np.sort(np.abs(force[[0, 2]])), 1e-12)

@@ -96,10 +96,7 @@ def test_accelerations_and_reactions_are_the_same(name):
             assert found[joint] == pytest.approx(force @ turn.T, abs=1e-12 * size)
 
 
-MOVED = ["rolling_disc", "rotating_frame_mass"]
-
-
-@pytest.mark.parametrize("name", MOVED)
+@pytest.mark.parametrize("name", ["rolling_disc"])
 def test_the_motion_is_the_same(name):
     """All parts have the same poses relative to the base, and the audit closes despite the larger energies.
 

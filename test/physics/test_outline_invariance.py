@@ -81,11 +81,9 @@ def test_a_mirrored_mechanism_in_other_axes_and_another_plane_moves_as_in_a_mirr
 
 
 def test_lengths_in_other_units_do_not_change_a_digit():
-    """A number with a dimension that is hidden in the code shows; powers of 2 round nothing.
+    """A number with a dimension that is hidden in the code shows, beside micrometers or hundreds of meters.
 
-    Of outlines of micrometers the last two digits differ.
+    Powers of 2 round nothing; of outlines of micrometers the last two digits differ.
     """
-    alone = motion(200)
-    for length, digits in ((1024.0, 0.0), (2.0**-14, 1e-12)):
-        found = motion(200, length=length)
-        np.testing.assert_allclose(found, alone * [length, length, 1.0], rtol=digits, atol=0.0)
+    small, large = (motion(200, length=length) / [length, length, 1.0] for length in (2.0**-14, 1024.0))
+    np.testing.assert_allclose(small, large, rtol=1e-12, atol=0.0)

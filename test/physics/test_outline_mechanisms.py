@@ -11,7 +11,7 @@ from mbd_sim import Simulation
 
 
 def test_involute_teeth_keep_the_ratio_of_their_numbers_and_cross_their_play():
-    simulation = Simulation.from_file("gear_teeth")
+    simulation = Simulation.from_file("gear_teeth", method="tsitouras8")
     r1, r2, play = 0.002 * 17, 0.002 * 23, 1e-4
     pitch_arcs = []
     for _ in range(15):
@@ -27,7 +27,7 @@ def test_involute_teeth_keep_the_ratio_of_their_numbers_and_cross_their_play():
 
 
 def test_the_pin_of_a_latch_rests_on_the_catch_with_the_force_of_the_seal():
-    simulation = Simulation.from_file("snap_latch")
+    simulation = Simulation.from_file("snap_latch", method="tsitouras8")
     ramp = np.array([-0.047 + 0.056, -0.003 - 0.009])
     ramp /= np.hypot(*ramp)
     normal = np.array([ramp[1], -ramp[0]])  # of the ramp, away from the hook
@@ -49,7 +49,7 @@ def test_the_pin_of_a_latch_rests_on_the_catch_with_the_force_of_the_seal():
 
 def test_a_ratchet_stops_at_one_angle_but_for_whole_teeth():
     """The nose rests on the steep side of a tooth and on the back of the next one: two equations for two angles."""
-    simulation = Simulation.from_file("ratchet_teeth")
+    simulation = Simulation.from_file("ratchet_teeth", method="tsitouras8")
     rests = []
     for _ in range(2):
         simulation.step(2000)
@@ -76,7 +76,7 @@ def test_a_ratchet_stops_at_one_angle_but_for_whole_teeth():
 
 
 def test_a_geneva_drive_follows_its_pin_within_the_play():
-    simulation = Simulation.from_file("geneva_slots")
+    simulation = Simulation.from_file("geneva_slots", method="tsitouras8")
     radius, play = 0.04, 2e-5
     distance = math.sqrt(2.0) * radius
     for steps, alpha in ((450, -0.1 * math.pi), (50, 0.0), (100, 0.2 * math.pi)):
@@ -92,7 +92,7 @@ def test_a_geneva_drive_follows_its_pin_within_the_play():
 
 
 def test_a_detent_rests_with_its_roller_in_the_middle_of_a_notch():
-    simulation = Simulation.from_file("detent")
+    simulation = Simulation.from_file("detent", method="tsitouras8")
     simulation.step(1200)
     notches = simulation.q[0] / (math.pi / 6.0)
     assert notches == pytest.approx(round(notches), abs=1e-9) and round(notches) >= 1
@@ -112,7 +112,7 @@ def test_a_detent_rests_with_its_roller_in_the_middle_of_a_notch():
 
 @pytest.fixture(scope="module")
 def cam_lock():
-    return Simulation.from_file("cam_lock", live=["mu"])
+    return Simulation.from_file("cam_lock", live=["mu"], method="tsitouras8")
 
 
 def test_a_cam_lock_holds_any_pull_with_a_force_in_proportion(cam_lock):

@@ -29,7 +29,7 @@ def motion(axis, angle):
     turned = rot.about(rot.unit(axis), angle)
     vectors = {"gravity": (1, 0, -9.81), "across": (0, -1, 0), "along": (1, 0, 0), "normal": (0, 0, 1)}
     written = {name: (turned @ np.array(vector, dtype=float)).tolist() for name, vector in vectors.items()}
-    simulation = Simulation(parse_mechanism(TEXT.format(**written)))
+    simulation = Simulation(parse_mechanism(TEXT.format(**written)), method="tsitouras8")
     simulation.step(600)
     return np.concatenate([simulation.q, simulation.u])
 

@@ -2,14 +2,16 @@
 
 import pytest
 
-from mbd_sim import Simulation
 from mbd_sim.analysis.mechanics.mobility import mobility
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.files.load import load_mechanism, parse_mechanism
+from test.pictures.start import AtStart
 
 
 def counted(mechanism):
-    simulation = mechanism if isinstance(mechanism, Simulation) else Simulation.from_file(mechanism)
-    equations = simulation.model.equations
-    return mobility(simulation.mechanism, equations.rows, equations.start, simulation.poses())
+    mechanism = load_mechanism(mechanism) if isinstance(mechanism, str) else mechanism
+    equations = derive(mechanism)
+    return mobility(mechanism, equations.rows, equations.start, AtStart(mechanism).poses())
 
 
 @pytest.mark.parametrize(
@@ -72,7 +74,7 @@ joints:
 
 def test_the_rank_at_a_singular_start_is_distinguished():
     """A parallelogram that lies flat has one freedom more there, but not along its motion."""
-    flat = counted(Simulation.from_text(PARALLELOGRAM.replace("ANGLE", "0")))
+    flat = counted(parse_mechanism(PARALLELOGRAM.replace("ANGLE", "0")))
     assert (flat.rank_at_start, flat.rank, flat.degrees_of_freedom) == (1, 2, 1)
-    upright = counted(Simulation.from_text(PARALLELOGRAM.replace("ANGLE", "1.2")))
+    upright = counted(parse_mechanism(PARALLELOGRAM.replace("ANGLE", "1.2")))
     assert (upright.rank_at_start, upright.rank, upright.redundant) == (2, 2, flat.redundant)

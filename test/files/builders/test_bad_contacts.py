@@ -21,7 +21,7 @@ SPHERE = "{type: sphere, mass: 1, radius: 1}"
 def test_wrong_contacts_are_refused_with_their_line_and_a_remedy_or_give_a_mechanism():
     """Finds a traceback, a warning of NumPy, and follow-up problems without a remedy, in points, outlines and pairs."""
     accepted = 0
-    for seed in range(60):
+    for seed in range(30):
         text = yaml.dump(bad_contacts(seed), Dumper=yaml.CSafeDumper, sort_keys=False)
         try:
             with warnings.catch_warnings():
@@ -30,7 +30,7 @@ def test_wrong_contacts_are_refused_with_their_line_and_a_remedy_or_give_a_mecha
         except MechanismError as error:
             for problem in error.problems:
                 assert problem.remedy and 1 <= problem.line <= text.count("\n") + 1, f"seed {seed}: {problem}"
-    assert 5 < accepted < 50
+    assert 2 < accepted < 25
 
 
 def test_a_part_with_problems_of_its_own_is_not_missed_in_contacts():

@@ -96,8 +96,7 @@ def test_the_tree_of_random_hinges_is_that_of_the_search_in_whole_trees(compared
 
 @pytest.mark.parametrize("name", LINKAGES)
 def test_the_tree_of_a_linkage_is_that_of_the_search_in_whole_trees(name, compared):
-    for seed in range(3):
-        parse_mechanism(linkage_text(name, seed, driven=False))
+    parse_mechanism(linkage_text(name, 0, driven=False))
 
 
 def test_the_tree_of_each_shipped_mechanism_is_that_of_the_search_in_whole_trees(compared):

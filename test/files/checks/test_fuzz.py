@@ -164,7 +164,7 @@ def mutated_data(draw):
     return data
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(mutated_data())
 def test_files_with_changed_values_give_a_mechanism_or_an_error(data):
     answer(written(data))
@@ -195,7 +195,7 @@ def mutated_text(draw):
     return text
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(mutated_text())
 def test_files_with_changed_text_give_a_mechanism_or_an_error(text):
     answer(text)
@@ -207,7 +207,7 @@ def test_any_text_gives_a_mechanism_or_an_error(text):
     answer(text)
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(scalars.filter(lambda value: value is not None))
 @pytest.mark.parametrize("key", ["mass", "radius", "axis"])
 def test_any_value_in_a_shape_gives_a_mechanism_or_an_error(key, value):
@@ -312,7 +312,7 @@ class Changer:
             holder_of(self.data, path)[path[-1]] = value()
 
 
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
 def test_other_mechanisms_are_derived_or_refused(seed, count):
     changer = Changer(seed)

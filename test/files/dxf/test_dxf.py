@@ -3,7 +3,6 @@
 import math
 import random
 
-import ezdxf
 import numpy as np
 import pytest
 
@@ -16,6 +15,8 @@ AREA = 120 * 60 - 20**2 * (1 - math.pi / 4) + math.pi * 60**2 / 2 - math.pi * 15
 @pytest.fixture
 def plate(tmp_path):
     """A plate with a rounded corner, a half disc on top and a hole, drawn in any order and direction."""
+    import ezdxf
+
     document = ezdxf.new("R2010")
     document.units = 4
     space, at = document.modelspace(), {"layer": "Outline"}
@@ -74,6 +75,8 @@ def test_units_and_a_changed_drawing(tmp_path, plate):
 
 def test_random_outlines_come_back(tmp_path):
     """Polygons with bulges, cut into entities in any order and direction, keep their area and center."""
+    import ezdxf
+
     for seed in range(6):
         rng = random.Random(seed)
         count = rng.randint(3, 9)

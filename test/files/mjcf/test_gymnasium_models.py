@@ -15,7 +15,10 @@ mujoco = import_mujoco()
 FOLDER = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.xml")))
+# Chains in a plane and in space, on rails and on a free base, with and without tendons; the rest are of the same kinds.
+@pytest.mark.parametrize(
+    "name", ["ant", "half_cheetah", "humanoid", "inverted_double_pendulum", "pusher", "reacher", "swimmer"]
+)
 def test_accelerations_are_those_of_mujoco(name):
     path = FOLDER / f"{name}.xml"
     mechanism, rng = load_mechanism(path), np.random.default_rng(5)

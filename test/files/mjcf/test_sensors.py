@@ -68,12 +68,11 @@ def at_random_state(text, rng):
     return simulation, model, data
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_measurements_are_those_of_mujoco(seed):
+def test_measurements_are_those_of_mujoco():
     """Finds a wrong frame, point, sign or quantity of any sensor."""
     elements = all_sensors()
     text = MODEL.replace("SENSORS", "".join(elements))
-    simulation, model, data = at_random_state(text, np.random.default_rng(seed))
+    simulation, model, data = at_random_state(text, np.random.default_rng(0))
     readings = simulation.sensors()
     assert len(readings) == model.nsensor == len(elements)
     for index, quantity in enumerate(elements.values()):

@@ -7,7 +7,7 @@ import pytest
 from mbd_sim.base.errors import MAX_SHOWN, MechanismError
 from mbd_sim.files.load import parse_mechanism
 
-COUNT = 5000
+COUNT = 2500
 LESS = 10  # the file that is compared with has as many times fewer entries
 MOST = 25.0  # the ratio of the times; in proportion to the square it would be 100
 BODY = (

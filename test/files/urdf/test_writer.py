@@ -165,8 +165,7 @@ def check_again(mechanism, rng):
 
 
 def test_every_axial_type_comes_back():
-    for seed in range(2):
-        check_again(parse_mechanism(EVERY_AXIAL_TYPE), np.random.default_rng(seed))
+    check_again(parse_mechanism(EVERY_AXIAL_TYPE), np.random.default_rng(0))
 
 
 @settings(max_examples=5, deadline=None)

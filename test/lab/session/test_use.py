@@ -11,7 +11,7 @@ def test_a_recording_of_random_use_is_recomputed(name, tmp_path):
     (tmp_path / "use").mkdir()
     user = RandomUse(name, tmp_path / "use", seed=3)
     user.session.record(tmp_path / "use" / "run.mcap")
-    for _ in range(16):
+    for _ in range(10):
         user.act(seconds=0.05)
     paths = user.recordings()
     assert len(paths) > 1

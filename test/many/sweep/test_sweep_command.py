@@ -1,7 +1,6 @@
 import multiprocessing
 import time
 
-import dask
 import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
@@ -48,6 +47,8 @@ def cluster():
 
 
 def test_processes_here_and_workers_of_a_cluster_give_the_same_bits(tmp_path, monkeypatch, cluster):
+    import dask
+
     monkeypatch.setattr(runs, "CHUNK", 5)
     here, there = tmp_path / "here.parquet", tmp_path / "there.parquet"
     with dask.config.set(num_workers=1):
@@ -80,6 +81,8 @@ def test_a_wrong_call_says_what_to_write(arguments, words, capsys):
 
 
 def test_an_interrupt_ends_the_workers_at_once_and_no_processes_that_others_have_started_meanwhile():
+    import dask
+
     before = {child.pid for child in multiprocessing.active_children()}
     with dask.config.set(num_workers=1), pytest.raises(KeyboardInterrupt), runs._local_workers() as pool:
         assert pool.submit(abs, -1).result() == 1

@@ -64,7 +64,8 @@ def test_the_exports_and_the_page_name_it(kind):
     mechanism = constrained(kind)
     assert mechanism.constraints[0].kind == kind
     assert f"\n| `{kind}` |" in (ROOT / "docs" / "mechanism_file.md").read_text(encoding="utf-8")
-    for text, missing in ((to_mjcf(mechanism).text, to_mjcf(mechanism).left_out), ("", left_out(mechanism))):
+    mjcf = to_mjcf(mechanism)
+    for text, missing in ((mjcf.text, mjcf.left_out), ("", left_out(mechanism))):
         mimicked = kind in ("gear", "rack")
         assert 'name="one"' in text or mimicked or any("one" in one.split(": ")[-1] for one in missing)
     assert kind in ("gear", "rack") or any("one" in one.split(": ")[-1] for one in to_sdf(mechanism).left_out)

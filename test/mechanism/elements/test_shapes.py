@@ -19,7 +19,6 @@ from mbd_sim.lab.scene.bodies import Bodies
 from mbd_sim.mechanism.elements.parts import ShapeKind
 from mbd_sim.pictures.drawing.outlines import shape_paths
 from mbd_sim.pictures.drawing.sheet import Projection, ScaledView
-from mbd_sim.pictures.rerun.stream import archetype
 from mbd_sim.pictures.shapes.extent import Extent
 from mbd_sim.pictures.shapes.primitives import primitives
 from mbd_sim.pictures.shapes.solids import half_sizes
@@ -89,6 +88,8 @@ def test_an_export_contains_it_or_says_that_it_does_not(kind):
 
 @pytest.mark.parametrize("kind", KEYS)
 def test_viewers_draw_it_in_its_size(kind):
+    from mbd_sim.pictures.rerun.stream import archetype
+
     solid, *marks = drawn(kind)
     assert archetype(solid) is not None
     box = half_sizes(shaped(kind).parts["body"].shapes[0])

@@ -45,8 +45,8 @@ def rates_at_start(mechanism):
 @pytest.mark.parametrize(
     ("name", "seed", "digits"),
     [
-        ("slider-crank", 0, 4), ("six-bar", 2, 12), ("spherical five-bar", 0, 4), ("door", 0, 4), ("sarrus", 0, 4),
-        ("two bearings", 2, 12), ("two bearings that slide", 0, 4), ("three rails", 0, 4), ("rail and telescope", 0, 4),
+        ("six-bar", 2, 12), ("spherical five-bar", 0, 4), ("door", 0, 4), ("sarrus", 0, 4), ("two bearings", 2, 12),
+        ("three rails", 0, 4),
     ],
 )  # fmt: skip
 def test_a_linkage_written_with_few_digits_has_the_freedoms_of_the_exact_one(name, seed, digits):

@@ -5,10 +5,8 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
-from mbd_sim.pictures.rerun.constraints import constraint_entities, floor_of
 from mbd_sim.pictures.rerun.loads import loads
 from mbd_sim.pictures.rerun.scene import DisplayOptions, PartPoses, RowMaker, Rows, describe_scene, weight
-from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.shapes import palette
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.pictures.shapes.joints import LONG
@@ -31,6 +29,8 @@ forces:
 
 def show(sim, tmp_path, options=None, seconds=0.4, each=10, read=lambda: None):
     """Run, show, and read back; also returns the poses and reactions of `sim` at each sample. `read` is called then."""
+    from mbd_sim.pictures.rerun.stream import RerunStream
+
     path, options = tmp_path / "a.rrd", options or DisplayOptions()
     writer = RowMaker(sim.model, options.reactions)
     scene = describe_scene(sim.model, writer.layout, options)
@@ -262,6 +262,8 @@ def test_the_grid_lies_in_the_plane_on_which_the_feet_stand_and_points_away_from
     def scene_of(name):
         model = Simulation.from_file(name).model
         return describe_scene(model, RowMaker(model).layout, DisplayOptions())
+
+    from mbd_sim.pictures.rerun.constraints import constraint_entities, floor_of
 
     point, normal = floor_of(scene_of("column_of_beads"))
     assert (point.tolist(), normal.tolist()) == ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])

@@ -7,7 +7,6 @@ import numpy as np
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.files.text.mesh_files import mesh_path, resource_uri
 from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
-from mbd_sim.pictures.rerun.stream import RERUN_READS, part_entities
 from mbd_sim.pictures.shapes.meshes import undrawn_meshes
 from test.generators import mesh_files
 
@@ -27,6 +26,8 @@ def folder(tmp_path):
 
 
 def static_items(mechanism):
+    from mbd_sim.pictures.rerun.stream import part_entities
+
     model = Simulation(mechanism).model
     scene = describe_scene(model, RowMaker(model).layout, DisplayOptions())
     return [item for entity in part_entities(scene) for item in entity.static()]
@@ -45,6 +46,8 @@ def test_packages_are_found_around_the_file_and_in_the_environment(tmp_path, mon
 
 
 def test_meshes_are_drawn_and_missing_ones_named(tmp_path):
+    from mbd_sim.pictures.rerun.stream import RERUN_READS
+
     mechanism = load_mechanism(folder(tmp_path) / "urdf" / "r.urdf", base="free")
     assert undrawn_meshes(mechanism, RERUN_READS) == ["package://other/meshes/b.stl (not found)"]
     items = [item for item in static_items(mechanism) if "mesh" in item[0]]

@@ -1,10 +1,7 @@
 """Every kind of shape is drawn as the right archetype of Rerun."""
 
-from rerun.chunk import RrdReader
-
 from mbd_sim import Simulation
 from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
-from mbd_sim.pictures.rerun.stream import RerunStream
 
 EVERY_SHAPE = """
 mechanism: every_shape
@@ -37,6 +34,10 @@ joints:
 
 
 def test_every_kind_of_shape_is_drawn(tmp_path):
+    from rerun.chunk import RrdReader
+
+    from mbd_sim.pictures.rerun.stream import RerunStream
+
     sim = Simulation.from_text(EVERY_SHAPE)
     scene = describe_scene(sim.model, RowMaker(sim.model).layout, DisplayOptions())
     RerunStream(scene, str(tmp_path / "a.rrd")).close()

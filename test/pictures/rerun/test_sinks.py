@@ -5,8 +5,6 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-import rerun as rr
-import rerun.blueprint as rrb
 
 from mbd_sim import Simulation
 from mbd_sim.pictures.rerun import Viewer, ViewerError, sinks
@@ -39,6 +37,9 @@ def listeners(port):
 
 
 def opened(sink):
+    import rerun as rr
+    import rerun.blueprint as rrb
+
     return SinkConnection(rr.RecordingStream("test_sinks"), sink, rrb.Blueprint())
 
 

@@ -11,13 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun_cli
-from rerun.chunk import RrdReader
 
 from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.pictures.rerun import Viewer, ViewerError
 from mbd_sim.pictures.rerun.scene import DisplayOptions, LoggedEvent, RowMaker, describe_scene
-from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.rerun.viewer import EventFilter
 from mbd_sim.simulation.run.events import parse_event
 from test.waiting import wait_until
@@ -27,6 +25,8 @@ class Recorded:
     """A recording read back: the rows of each entity in order of time, and the static components of each entity."""
 
     def __init__(self, path):
+        from rerun.chunk import RrdReader
+
         reader = RrdReader(path)
         (self.entry,) = reader.recordings()
         self.blueprints = reader.blueprints()
@@ -211,6 +211,8 @@ def test_the_recording_is_complete_when_the_simulation_is_killed(tmp_path):
 
 
 def test_the_trace_starts_again_after_a_reset(tmp_path):
+    from mbd_sim.pictures.rerun.stream import RerunStream
+
     sim = Simulation.from_file("rod_pendulum")
     writer, rows = RowMaker(sim.model), []
     for tick in range(20):
@@ -235,6 +237,8 @@ def test_a_trace_of_an_unknown_point_is_refused(tmp_path):
 
 
 def test_events_become_lines_and_lanes(tmp_path):
+    from mbd_sim.pictures.rerun.stream import RerunStream
+
     sim, event_filter = Simulation.from_file("rod_pendulum"), EventFilter()
     writer = RowMaker(sim.model)
     stream = RerunStream(describe_scene(sim.model, writer.layout, DisplayOptions()), str(tmp_path / "a.rrd"))

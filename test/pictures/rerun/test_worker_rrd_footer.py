@@ -9,7 +9,6 @@ import rerun_cli
 from mbd_sim import Simulation
 from mbd_sim.pictures.rerun import worker
 from mbd_sim.pictures.rerun.scene import DisplayOptions, RowMaker, describe_scene
-from mbd_sim.pictures.rerun.stream import RerunStream
 from mbd_sim.pictures.rerun.worker import add_footer
 
 
@@ -23,6 +22,8 @@ def check(path):
 @pytest.fixture
 def without_footer(tmp_path):
     """A file as the viewer's process writes it."""
+    from mbd_sim.pictures.rerun.stream import RerunStream
+
     model = Simulation.from_file("rod_pendulum").model
     RerunStream(
         describe_scene(model, RowMaker(model).layout, DisplayOptions()), str(tmp_path / "a.rrd"), footer=False

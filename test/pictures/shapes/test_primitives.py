@@ -5,7 +5,6 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import identity_pose
-from mbd_sim.pictures.rerun.stream import archetype
 from mbd_sim.pictures.shapes.extent import extent_of
 from mbd_sim.pictures.shapes.primitives import Lines, connectors, primitives, wires
 from mbd_sim.ros.publishing.markers import fixed_markers
@@ -36,6 +35,8 @@ def places(shown):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_both_viewers_place_and_color_a_primitive_alike(name):
+    from mbd_sim.pictures.rerun.stream import archetype
+
     _, extent, drawn = listed(name)
     assert len(drawn) >= 2
     for one in drawn:

@@ -2,10 +2,8 @@
 
 import re
 
-import ezdxf
 import numpy as np
 import pytest
-from pypdf import PdfReader
 
 from mbd_sim import InputError, Kinematics, load_mechanism, parse_mechanism
 from mbd_sim.cli.main import main
@@ -79,6 +77,8 @@ def test_spatial_mechanisms_have_no_true_lengths():
 
 
 def test_texts_are_texts_in_svg_and_pdf(linkage, tmp_path):
+    from pypdf import PdfReader
+
     plan = make_plan(*linkage, dimensions=["auto"], title="Presse Größe 5")
     draw_plan(plan, tmp_path / "plan.svg")
     svg = set(re.findall(r">([^<>\n]+)</text>", (tmp_path / "plan.svg").read_text(encoding="utf-8")))
@@ -89,6 +89,8 @@ def test_texts_are_texts_in_svg_and_pdf(linkage, tmp_path):
 
 
 def test_dxf_has_no_errors_and_measures_the_numbers_of_the_file(linkage, tmp_path):
+    import ezdxf
+
     plan = make_plan(*linkage, dimensions=["auto"])
     draw_plan(plan, tmp_path / "plan.dxf")
     document = ezdxf.readfile(tmp_path / "plan.dxf")
@@ -105,6 +107,8 @@ def test_dxf_has_no_errors_and_measures_the_numbers_of_the_file(linkage, tmp_pat
 
 
 def test_texts_of_dimensions_in_dxf_are_read_from_below_or_from_the_right(linkage, tmp_path):
+    import ezdxf
+
     pairs = ["motor,pin", "pin,top", "pivot,top", "motor,pivot", "ground,coupler.pen"]
     plan = make_plan(*linkage, dimensions=[*pairs, *(",".join(pair.split(",")[::-1]) for pair in pairs)])
     draw_plan(plan, tmp_path / "plan.dxf")
@@ -116,6 +120,8 @@ def test_texts_of_dimensions_in_dxf_are_read_from_below_or_from_the_right(linkag
 
 
 def test_coupler_curves_as_dxf(tmp_path, monkeypatch, capsys):
+    import ezdxf
+
     monkeypatch.chdir(tmp_path)
     command = ["kinematics", "four_bar", "--drive", "crank_pivot=0:360deg:37", "--out", "curve.dxf"]
     assert main(command) == 1 and "there are no paths to draw" in capsys.readouterr().err

@@ -123,11 +123,10 @@ def test_recovery_keeps_the_complete_chunks_of_a_file_truncated_anywhere(tmp_pat
     assert len(indexes) > 3
     for length in [
         9,
-        100,
         len(complete) - 1,
         len(complete) - 9,
-        *(chance.randrange(2000, len(complete)) for _ in range(2)),
-        *(place for start, end in indexes[-1:] for place in (start, start + 5, (start + end) // 2, end - 1)),
+        chance.randrange(2000, len(complete)),
+        *(place for start, end in indexes[-1:] for place in (start, start + 5, end - 1)),
     ]:
         path.write_bytes(complete[:length])
         expected, _ = count_and_last(path)

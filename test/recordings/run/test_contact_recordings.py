@@ -7,8 +7,8 @@ from mbd_sim.cli.main import main
 
 
 @pytest.mark.parametrize(("name", "set_", "end"), [
-    ("belt", {}, 8.0),
-    ("bounce", {"e": 0.97}, 7.0),
+    ("belt", {}, 3.0),
+    ("bounce", {"e": 0.97}, 4.0),
     ("detent", {}, 0.6),  # whose slots have features, which the second recording must begin with
 ])  # fmt: skip
 def test_a_recording_with_events_verifies_from_its_start_and_from_the_middle(tmp_path, capsys, name, set_, end):

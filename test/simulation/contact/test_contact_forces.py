@@ -21,7 +21,7 @@ constraints:
 
 
 def test_the_force_on_a_sliding_ball_is_its_rate_of_momentum():
-    sim = Simulation(with_values(load_mechanism("spinning_ball"), {"eN": 0}))
+    sim = Simulation(with_values(load_mechanism("spinning_ball"), {"eN": 0}), method="tsitouras8")
     sim.run(0.5)
     contact, before, start = sim.contacts()["floor"], sim.u.copy(), sim.time
     assert contact.state == "slides"
@@ -47,7 +47,7 @@ def test_the_force_on_a_sliding_ball_is_its_rate_of_momentum():
     ],
 )
 def test_the_force_on_a_body_at_rest_carries_its_weight_at_the_contact(constraint):
-    sim = Simulation.from_text(PARTICLE % constraint)
+    sim = Simulation.from_text(PARTICLE % constraint, method="tsitouras8")
     for _ in range(2):
         (contact,) = sim.contacts().values()
         assert contact.state in ("closed", "sticks")
@@ -59,17 +59,20 @@ def test_the_force_on_a_body_at_rest_carries_its_weight_at_the_contact(constrain
 def test_the_force_of_a_strut_pushes():
     text = PARTICLE.replace("hook: [0.1, 0.2, 1.0]", "hook: [0.1, 0.2, -1.0]")
     strut = "type: distance, between: [ground.hook, ball], length: 1, bound: at_least"
-    (contact,) = Simulation.from_text(text % strut).contacts().values()
+    (contact,) = Simulation.from_text(text % strut, method="tsitouras8").contacts().values()
     np.testing.assert_allclose(contact.force, -2.0 * G, rtol=0, atol=1e-12)
 
 
 def test_friction_in_two_directions_opposes_the_slip():
-    sim = Simulation.from_text("""
+    sim = Simulation.from_text(
+        """
 mechanism: puck
 parts: {ball: {shape: {type: sphere, mass: 2, radius: 0.1}}}
 joints: {ball: {type: free, between: [ground, ball], position: [0, 0, 0.1], velocity: [3, -4, 0]}}
 constraints: {floor: {type: rolling, wheel: ball, radius: 0.1, friction: 0.1}}
-""")
+""",
+        method="tsitouras8",
+    )
     (contact,) = sim.contacts().values()
     assert contact.state == "slides"
     np.testing.assert_allclose(contact.force, 2 * 9.81 * np.array([-0.06, 0.08, 1.0]), rtol=0, atol=1e-12)
@@ -77,15 +80,16 @@ constraints: {floor: {type: rolling, wheel: ball, radius: 0.1, friction: 0.1}}
 
 
 def test_without_contact_there_is_a_point_and_no_force_and_stops_have_neither():
-    flying = Simulation.from_file("spinning_ball").contacts()["floor"]
+    flying = Simulation.from_file("spinning_ball", method="tsitouras8").contacts()["floor"]
     np.testing.assert_allclose(flying.point, [-0.5, 0.0, 0.9], rtol=0, atol=1e-15)
     assert flying.force.tolist() == [0.0, 0.0, 0.0]
-    stop = Simulation.from_file("stops").contacts()
+    stop = Simulation.from_file("stops", method="tsitouras8").contacts()
     assert [(state.point, state.force) for state in stop.values()] == [(None, None)] * 2
 
 
 def test_the_forces_between_shapes_act_on_the_first_part():
-    sim = Simulation.from_text("""
+    sim = Simulation.from_text(
+        """
 mechanism: column
 parts: {low: {shape: {type: sphere, mass: 3, radius: 0.1}}, high: {shape: {type: sphere, mass: 2, radius: 0.1}}}
 joints:
@@ -94,7 +98,9 @@ joints:
 contacts:
   floor: {parts: [low], plane: ground, friction: 0.5}
   pair: {between: [high, low]}
-""")
+""",
+        method="tsitouras8",
+    )
     floor, pair = sim.contacts().values()
     np.testing.assert_allclose([floor.force, pair.force], [-5.0 * G, -2.0 * G], rtol=0, atol=1e-12)
     np.testing.assert_allclose([floor.point, pair.point], [[0, 0, 0], [0, 0, 0.2]], rtol=0, atol=1e-15)
@@ -110,7 +116,7 @@ contacts: {floor: {parts: [ball], plane: ground, friction: 0.3, stiffness: 1e5, 
 
 
 def test_the_force_of_a_compliant_contact_is_the_rate_of_momentum_at_the_place_where_it_touches():
-    sim = Simulation.from_text(SOFT_BALL)
+    sim = Simulation.from_text(SOFT_BALL, method="tsitouras8")
     model, touched = sim.model, 0
     assert model.contact_readings.placed == ((("contacts", "floor"), None),)
     for _ in range(40):
@@ -124,7 +130,7 @@ def test_the_force_of_a_compliant_contact_is_the_rate_of_momentum_at_the_place_w
 
 
 def test_the_state_of_a_compliant_contact_follows_its_law():
-    sim, seen = Simulation.from_text(SOFT_BALL), set()
+    sim, seen = Simulation.from_text(SOFT_BALL, method="tsitouras8"), set()
     for _ in range(60):
         sim.step(5)
         (contact,) = sim.contacts().values()
@@ -156,7 +162,8 @@ joints:
 contacts:
   compliance: {parts: [box], plane: ground, friction: 0.5, stiffness: 1e4, exponent: 1}
   floor: {parts: [ball], plane: ground, restitution: 0.5}
-"""
+""",
+        method="tsitouras8",
     )
     contacts = sim.contacts()
     floor, *corners = contacts
@@ -173,7 +180,7 @@ contacts:
 
 
 def test_without_friction_a_compliant_contact_is_closed_where_it_presses():
-    sim = Simulation.from_text(SOFT_BALL.replace("friction: 0.3, ", ""))
+    sim = Simulation.from_text(SOFT_BALL.replace("friction: 0.3, ", ""), method="tsitouras8")
     sim.step(80)
     (contact,) = sim.contacts().values()
     assert (contact.state, len(contact.friction), len(contact.slip)) == ("closed", 0, 0)

@@ -52,7 +52,7 @@ def with_shuffled_lists(spec, chance):
 
 
 def poses_after(data):
-    simulation = Simulation.from_text(yaml.safe_dump(data, sort_keys=False))
+    simulation = Simulation.from_text(yaml.safe_dump(data, sort_keys=False), method="tsitouras8")
     simulation.run(until=TIME)
     return {name: np.column_stack([pose.position, pose.rotation]) for name, pose in simulation.poses().items()}
 

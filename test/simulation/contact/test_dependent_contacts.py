@@ -56,7 +56,7 @@ def ordered(text, reverse):
 
 @pytest.mark.parametrize("reverse", [False, True])
 def test_a_body_on_the_floor_and_on_a_table_is_lifted_with_the_table(reverse):
-    sim = Simulation.from_text(ordered(TABLE, reverse))
+    sim = Simulation.from_text(ordered(TABLE, reverse), method="tsitouras8")
     sim.run(until=0.6)
     contacts = sim.contacts()
     assert sim.q[0] == pytest.approx(0.6**3, abs=1e-14) and sim.u[0] == pytest.approx(3 * 0.6**2, abs=1e-14)
@@ -67,7 +67,7 @@ def test_a_body_on_the_floor_and_on_a_table_is_lifted_with_the_table(reverse):
 @pytest.mark.parametrize(("text", "reverse"), [(CLUTCHES, False), (CLUTCHES, True), (PADS, True)])
 def test_a_body_on_the_floor_and_on_a_belt_moves_with_the_belt_until_it_slips(text, reverse):
     """The belt drags with up to 0.3 g, the floor brakes with 0.2 g, each with half of the weight of 2 kg."""
-    sim = Simulation.from_text(ordered(text, reverse))
+    sim = Simulation.from_text(ordered(text, reverse), method="tsitouras8")
     sim.run(until=0.3)
     acceleration = 0.1 * G / 2.0
     slips = acceleration / 6.0
@@ -80,7 +80,7 @@ def test_a_body_on_the_floor_and_on_a_belt_moves_with_the_belt_until_it_slips(te
 
 def test_friction_by_the_load_of_a_joint_that_other_friction_replaces_acts_when_they_part():
     """A belt drags with up to 0.3 g; the guide brakes with 0.2 g, and an effort of 1 N pushes back."""
-    sim = Simulation.from_text(GUIDE)
+    sim = Simulation.from_text(GUIDE, method="tsitouras8")
     sim.run(until=0.1)
     acceleration = 0.1 * G - 0.5
     slips = acceleration / 6.0

@@ -31,7 +31,7 @@ def test_of_two_feet_that_part_the_one_with_less_load_slides():
     That is 1e-6 of gravity and less, so that friction at rest could seem to balance it; but the left one stays in place.
     """
     most = 3e-3
-    sim = Simulation.from_text(LEGS.replace("MOST", str(most)), step=1e-3)
+    sim = Simulation.from_text(LEGS.replace("MOST", str(most)), step=1e-3, method="tsitouras8")
     sim.step(10)
     place = sim.poses()["left"].position[0]
     for _ in range(4):
@@ -46,7 +46,7 @@ def test_of_two_feet_that_part_the_one_with_less_load_slides():
 
 def test_friction_that_yields_lets_the_other_slide_on_however_slow_it_is():
     """A push makes both feet slide now and then, beside slips that count as zero when they stop by themselves."""
-    sim = Simulation.from_text(LEGS.replace("MOST", "3e-4") + PUSH, step=1e-3)
+    sim = Simulation.from_text(LEGS.replace("MOST", "3e-4") + PUSH, step=1e-3, method="tsitouras8")
     sim.step(760)
     changes = [event.change for event in sim.contact_events]
     assert "bound" not in changes

@@ -72,7 +72,7 @@ def test_a_drive_that_presses_where_nothing_yields_is_named(kind, angle, frictio
     vectors = {name: (turned @ np.array(vector)).tolist() for name, vector in VECTORS.items()}
     rotate = f"{{axis: [1, 2, 3], angle: {angle}}}"
     text = text.format(**vectors, rotate=rotate, friction=friction)
-    simulation = Simulation(parse_mechanism(f"mechanism: jam\ngravity: [0, 0, 0]\n{text}"))
+    simulation = Simulation(parse_mechanism(f"mechanism: jam\ngravity: [0, 0, 0]\n{text}"), method="tsitouras8")
     with pytest.raises(EventError, match=f"at {gaps} closed by the drive of {drive} alone.* compliant contact"):
         simulation.run(until=0.6)
     assert np.all(np.abs(simulation.u) < 10.0)  # the state before it
@@ -82,7 +82,7 @@ def test_a_driven_pin_at_the_bottom_of_a_slot_that_is_too_short_ends_the_run():
     """The wheel turned by 307 rad within a step, since less and less of the force turns it, and the run went on."""
     text = GENEVA.read_text().replace("[0.38*R, -pin - c]", "[0.55*R, -pin - c]")
     text = text.replace("{to: [0.38*R, pin + c], through: [0.38*R", "{to: [0.55*R, pin + c], through: [0.55*R")
-    simulation = Simulation(parse_mechanism(text))
+    simulation = Simulation(parse_mechanism(text), method="tsitouras8")
     room = r"between t = 0.451 s .* leave room for what the drive of driver presses on them: .*driver_pin_on_wheel_1"
     with pytest.raises(DivergedError, match=room):
         simulation.run(until=0.5)

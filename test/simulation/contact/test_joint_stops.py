@@ -69,7 +69,7 @@ def rebounds(x, v, t, lower, upper, e):
 
 
 def test_a_puck_rebounds_from_each_side_of_a_frame_by_itself():
-    sim = Simulation.from_text(PUCK)
+    sim = Simulation.from_text(PUCK, method="tsitouras8")
     sim.run(until=3.0)
     x, y = rebounds(0.0, 1.3, 3.0, -0.2, 0.5, 1.0), rebounds(0.0, -0.7, 3.0, -0.3, 0.3, 0.5)
     assert sim.q == pytest.approx([x[0], y[0], 15.0], abs=1e-12)
@@ -84,7 +84,10 @@ def test_a_puck_rebounds_from_each_side_of_a_frame_by_itself():
     ("kind", "stop"), [*zip(PAIRS, ("restitution: 0.6", "stiffness: 300, damping: 0.1"), strict=True)]
 )
 def test_a_joint_with_stops_is_that_of_two_joints_with_stops(kind, stop):
-    one, two = Simulation.from_text(one_joint(kind, stop)), Simulation.from_text(two_joints(kind, stop))
+    one, two = (
+        Simulation.from_text(one_joint(kind, stop), method="tsitouras8"),
+        Simulation.from_text(two_joints(kind, stop), method="tsitouras8"),
+    )
     for sim in (one, two):
         sim.run(until=1.5)
     assert one.q == pytest.approx(two.q, abs=1e-10)
@@ -98,7 +101,9 @@ def test_a_joint_with_stops_is_that_of_two_joints_with_stops(kind, stop):
 
 
 def test_limits_of_one_coordinate_can_be_live():
-    sim = Simulation.from_text(PUCK, live=["joints.table.limits[0].upper", "joints.table.limits[1].restitution"])
+    sim = Simulation.from_text(
+        PUCK, live=["joints.table.limits[0].upper", "joints.table.limits[1].restitution"], method="tsitouras8"
+    )
     sim.set_live({"joints.table.limits[0].upper": 0.25, "joints.table.limits[1].restitution": 1.0})
     sim.run(until=2.0)
     assert sim.q[0] == pytest.approx(rebounds(0.0, 1.3, 2.0, -0.2, 0.25, 1.0)[0], abs=1e-12)
@@ -121,7 +126,7 @@ def test_limits_of_one_coordinate_can_be_live():
 )
 def test_wrong_limits_are_named(old, new, message):
     with pytest.raises(MechanismError) as raised:
-        Simulation.from_text(PUCK.replace(old, new))
+        Simulation.from_text(PUCK.replace(old, new), method="tsitouras8")
     assert message in str(raised.value)
 
 

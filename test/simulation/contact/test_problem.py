@@ -49,9 +49,8 @@ def random_problem(seed):
     return ContactProblem(gradient @ gradient.T, free, range(contacts), frictions)
 
 
-@pytest.mark.parametrize("first", range(0, 400, 100))
-def test_random_problems_are_solved(first):
-    for seed in range(first, first + 100):
+def test_random_problems_are_solved():
+    for seed in range(200):
         problem = random_problem(seed)
         assert max(violations(problem, contact_forces(problem))) < 1e-9, seed
 
@@ -154,7 +153,7 @@ def wheels_on_an_axle(seed):
 
 
 def test_where_rows_depend_on_each_other_and_cannot_all_rest_some_slide():
-    for seed in range(60):
+    for seed in range(25):
         problem = wheels_on_an_axle(seed)
         assert max(violations(problem, contact_forces(problem))) < 1e-9, seed
 

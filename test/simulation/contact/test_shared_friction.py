@@ -26,7 +26,8 @@ parts: {{block: {{mass: {MASS}, inertia: [0.1, 0.1, 0.1], points: {{{points}, pu
 joints: {{f: {{type: planar, axis: [0, 1, 0], x_axis: [1, 0, 0], between: [ground, block], position: [0, -0.1, 0]}}}}
 constraints: {{{", ".join(f"c{i}: {{type: on_plane, point: block.p{i}, {law}}}" for i in range(count))}}}
 forces: {{push: {{type: force, at: block.push, vector: ["{RATE}*t", 0, 0]}}}}
-"""
+""",
+        method="tsitouras8",
     )
 
 
@@ -70,9 +71,9 @@ joints:
   low: {type: revolute, between: [ground, door], axis: [0, 0, 1], velocity: 1, friction: {coefficient: 0.2, radius: 0.01}}
 """
     hinge = "  high: {type: revolute, between: [ground.top, door.top], axis: [0, 0, 1]}\n"
-    (remark,) = Simulation.from_text(text + hinge).remarks
+    (remark,) = Simulation.from_text(text + hinge, method="tsitouras8").remarks
     assert remark.startswith("friction of 'low' depends on forces that redundant joints share")
-    determined = Simulation.from_text(text)
+    determined = Simulation.from_text(text, method="tsitouras8")
     assert determined.remarks == ()
     moment = 0.2 * 0.01 * np.linalg.norm(determined.reactions()["low"].force)
     assert determined.contacts()["low.friction"].friction == pytest.approx([-moment], rel=1e-12)
@@ -117,7 +118,8 @@ joints: {{f: {{type: free, between: [ground, top], position: {written([0, 0, 0.3
 constraints:
 {rows}
 forces: {{push: {{type: force, at: top.push, vector: {vector}}}}}
-"""
+""",
+        method="tsitouras8",
     )
 
 

@@ -38,11 +38,11 @@ def names_of(sim):
     ]
 
 
-def kane_point(mechanism, name, *arguments, **options):
+def kane_point(mechanism, name, motions):
     """Position, velocity and acceleration (3, 3) of a point, and ω and ω' (2, 3), by Kane's oracle."""
     part, _, point = name.partition(".")
     local = mechanism.parts[part].points[point].position if point else np.zeros(3)
-    motion = kane.motions(mechanism, *arguments, **options)[part]
+    motion = motions[part]
     places = [motion.origin.d[order] + motion.rotation.d[order] @ local for order in range(3)]
     turned = motion.rotation.d[0]
     return np.array(places), np.array([turned @ motion.omega, turned @ motion.alpha])
@@ -51,11 +51,15 @@ def kane_point(mechanism, name, *arguments, **options):
 @pytest.mark.parametrize("name", [*CHAINS, *LOOPS, "floating"])
 def test_points_and_frames_move_as_in_kanes_equations(name):
     sim = in_motion(name)
-    mechanism, nv, t = sim.mechanism, len(sim.u), sim.time
+    mechanism, nv, t, q = sim.mechanism, len(sim.u), sim.time, sim.q
+    moving = kane.motions(mechanism, q, sim.u, sim.u_rates, t=t)
+    steady, resting, *units = (
+        kane.motions(mechanism, q, u, np.zeros(nv), t=t) for u in (sim.u, np.zeros(nv), *np.eye(nv))
+    )
     for point in names_of(sim):
         frame, own = sim.frame(point), sim.point(point)
-        places, turning = kane_point(mechanism, point, sim.q, sim.u, sim.u_rates, t=t)
-        still, still_turning = kane_point(mechanism, point, sim.q, sim.u, np.zeros(nv), t=t)
+        places, turning = kane_point(mechanism, point, moving)
+        still, still_turning = kane_point(mechanism, point, steady)
         for one in (own, frame):
             close(one.position, places[0])
             close(one.velocity, places[1])
@@ -64,9 +68,9 @@ def test_points_and_frames_move_as_in_kanes_equations(name):
         close(frame.angular_acceleration, turning[1])
         close(own.bias_acceleration, still[2])
         close(frame.bias_acceleration, [*still[2], *still_turning[1]])
-        at_rest = kane_point(mechanism, point, sim.q, np.zeros(nv), t=t)
-        for column, direction in enumerate(np.eye(nv)):
-            unit = kane_point(mechanism, point, sim.q, direction, t=t)
+        at_rest = kane_point(mechanism, point, resting)
+        for column, motions in enumerate(units):
+            unit = kane_point(mechanism, point, motions)
             expected = [*(unit[0][1] - at_rest[0][1]), *(unit[1][0] - at_rest[1][0])]
             close(frame.jacobian[:, column], expected)
         np.testing.assert_array_equal(own.jacobian, frame.jacobian[:3])

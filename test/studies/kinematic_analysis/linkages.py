@@ -46,3 +46,9 @@ def tracer(theta, px=0.7, py=0.4, a=0.5, b=1.4, c=1.2, d=1.5):
     phi = rocker_angles(theta, a, b, c, d)[0]
     tip = a * np.exp(1j * theta)
     return tip + (px + 1j * py) * (d + c * np.exp(1j * phi) - tip) / b
+
+
+def few_starts(monkeypatch):
+    """Search assembly modes from 30 starts, which find both of a four-bar."""
+    for name in ("LEAST", "BATCH"):
+        monkeypatch.setattr(f"mbd_sim.studies.kinematic_analysis.modes.{name}", 30)

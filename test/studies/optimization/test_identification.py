@@ -63,16 +63,16 @@ def test_values_that_the_file_refuses_are_an_error_that_names_them():
 
 
 def test_confidence_intervals_contain_the_truth_as_often_as_they_say(monkeypatch):
-    """Of 2 parameters in 40 runs with intervals of 80 %: 64 of 80, within three standard deviations of 3.6."""
+    """Of 2 parameters in 20 runs with intervals of 80 %: 32 of 40, within three standard deviations of 2.5."""
     share_models(monkeypatch)
     mechanism, inside, errors = load_mechanism("rod_pendulum"), 0, []
-    for seed in range(40):
+    for seed in range(20):
         run = run_of("rod_pendulum", 50, [0.5, 0.0], noise=0.01, seed=seed)
         found = identify(mechanism, run, ["m", "l"], interval=25, confidence=0.8)
         inside += sum(one.lower <= 1.0 <= one.upper for one in found.estimates.values())
         errors += [(one.value - 1.0) / one.error for one in found.estimates.values()]
         assert found.noise == pytest.approx([0.01, 0.01], rel=0.4)
-    assert 54 <= inside <= 74
+    assert 25 <= inside <= 39
     assert 0.8 < np.std(errors) < 1.25
 
 

@@ -201,8 +201,8 @@ TOO_LONG = "the equations of motion are too long to read: .*"
 )
 def test_what_is_too_long_is_refused_with_the_reason(monkeypatch, own_builds, module, limit, most, why):
     monkeypatch.setattr(module, limit, most)
-    with pytest.raises(MbdSimError, match=f"four_bar: {TOO_LONG}{why}"):
-        symbolic_equations(load_mechanism("four_bar"))
+    with pytest.raises(MbdSimError, match=f"double_rod: {TOO_LONG}{why}"):
+        symbolic_equations(load_mechanism("double_rod"))
 
 
 def test_what_has_too_many_speeds_is_refused():

@@ -29,7 +29,9 @@ def compare(mechanism, equations, found):
     numbers = {one.symbol: one.value for one in equations.parameters} | dict(found.values)
 
     def in_numbers(matrix):
-        return np.array(sp.Matrix(matrix).subs(numbers).evalf(), dtype=float).reshape(sp.Matrix(matrix).shape)
+        matrix = sp.Matrix(matrix)
+        function = sp.lambdify(list(numbers), matrix, "numpy", cse=True)
+        return np.array(function(*map(float, numbers.values())), dtype=float).reshape(matrix.shape)
 
     place, states = in_numbers(found.equilibrium).ravel(), in_numbers(list(found.state_values)).ravel()
     nv, derived = len(equations.u), derive(mechanism)
@@ -220,7 +222,7 @@ mechanism: tilted
 parts: {bob: {mass: 2, center: [0, 0, -0.3], inertia: [0.02, 0.03, 0.04], points: {eye: [0.3, 0, 0]}}}
 ground: {points: {hook: [0.5, 0, 0.2]}}
 joints: {socket: {type: spherical, between: [ground, bob], orientation: {axis: [0, 1, 0], angle: 0.3}}}
-forces: {pull: {type: spring, between: [ground.hook, bob.eye], stiffness: 60, length: 0, damping: 1.5}}
+forces: {pull: {type: spring, between: [ground.hook, bob.eye], stiffness: 60, length: 0}}
 """
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from mbd_sim import InputError
 from mbd_sim.files.checks.override import with_values
-from mbd_sim.studies.synthesis import EffortGoal, FunctionGoal, PathGoal
+from mbd_sim.studies.synthesis import EffortGoal, FunctionGoal, PathGoal, global_search
 from mbd_sim.studies.synthesis.candidates import UNREACHED, candidates_of
 from mbd_sim.studies.synthesis.global_search import SearchSettings, global_design, synthesize_globally
 from mbd_sim.studies.synthesis.problem import DesignProblem
@@ -46,8 +46,9 @@ def test_losses_of_candidates_are_those_of_the_problem(goal):
     assert drives[0] == pytest.approx(ANGLES)
 
 
-def test_a_linkage_is_found_from_the_wrong_mode_and_beyond_its_bounds_by_any_number_of_processes():
+def test_a_linkage_is_found_from_the_wrong_mode_and_beyond_its_bounds_by_any_number_of_processes(monkeypatch):
     """The file's crank is not between the bounds, and it is assembled the other way."""
+    monkeypatch.setattr(global_search, "POLISHED", 2)
     start = with_values(four_bar(guess=20), {"a": 0.95, "b": 1.2, "c": 1.6})
     problem = DesignProblem(start, "motor", path_goal(), ["a", "b", "c"])
     variables = {**BOUNDS, "b": (0.8, 2.2)}

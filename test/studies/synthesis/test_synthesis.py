@@ -10,7 +10,7 @@ from mbd_sim.studies.kinematic_analysis import UnreachableError, drive_loads, dr
 from mbd_sim.studies.synthesis import EffortGoal, FunctionGoal, PathGoal, synthesize
 from mbd_sim.studies.synthesis.problem import DesignProblem
 from mbd_sim.studies.synthesis.synthesis import _require_movable, design_text
-from test.studies.kinematic_analysis.linkages import four_bar, rocker_angles, tracer
+from test.studies.kinematic_analysis.linkages import few_starts, four_bar, rocker_angles, tracer
 
 SIZES = {"a": 0.5, "b": 1.4, "c": 1.2, "d": 1.5, "px": 0.7, "py": 0.4}
 POOR = {"a": 0.4, "b": 1.6, "c": 1.0, "d": 1.4, "px": 0.5, "py": 0.6}
@@ -138,7 +138,7 @@ def test_a_goal_beyond_a_dead_point_is_refused():
 
 
 def test_an_optimum_on_two_branches_is_refused(monkeypatch):
-    monkeypatch.setattr("mbd_sim.studies.kinematic_analysis.modes.LEAST", 30)
+    few_starts(monkeypatch)
     problem = DesignProblem(four_bar(), "motor", FunctionGoal("pivot", np.ones(2), np.array([1.0, 2.0])), ["a"])
     modes = [driven_motion(four_bar(), {"motor": (1.0, 2.0)}, 2, mode=mode).q for mode in (1, 2)]
     problem.begin(np.array([modes[0][0], modes[1][1]]))

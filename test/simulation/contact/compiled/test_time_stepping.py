@@ -35,22 +35,22 @@ def test_steps_are_those_of_the_code_for_all_contacts(kind):
     """Random loops, joints with friction, clutches, corners and pairs of bodies with features."""
     make = scene if kind in SCENES else contact_mechanism
     both = Both(Simulation.from_text(make(KINDS[kind], kind), method="moreau"))
-    both.compare(200)
+    both.compare(200 if kind in SCENES else 100)  # bodies fall at first
     assert both.acting > 5 and both.left <= 2
 
 
 def test_friction_at_rest_holds_more_than_sliding_friction():
     both = Both(Simulation.from_file("belt", method="moreau"))
-    both.compare(300)
-    assert both.acting > 200 and both.left == 0
+    both.compare(120)
+    assert both.acting > 80 and both.left == 0
 
 
 def test_boxes_that_share_forces_on_a_driven_table_too():
     """Faces that touch at four corners, of bodies with quaternions; the drive does work in each step."""
     simulation = Simulation.from_text(BOXES)
     both = Both(simulation)
-    both.compare(80)
-    assert both.acting > 50 and both.left <= 2
+    both.compare(50)
+    assert both.acting >= 30 and both.left <= 2
     assert np.max(np.abs(simulation._memory.y[-2])) > 0.01
 
 
@@ -90,13 +90,13 @@ def test_what_is_observed_or_was_remembered_changes_no_bit():
     observed._memory.stepper.observer = Observer()
     plain.run(until=0.2)
     snapshot = plain.snapshot()
-    plain.run(until=0.5)
-    observed.run(until=0.5)
+    plain.run(until=0.3)
+    observed.run(until=0.3)
     assert plain.contact_event_count > 0
     assert np.array_equal(plain.y, observed.y)
     fresh = Simulation.from_text(BOXES)
     fresh.restore(snapshot)
-    for _ in range(150):
+    for _ in range(50):
         fresh.step()
     assert np.array_equal(plain.y, fresh.y)
 
@@ -114,10 +114,10 @@ def test_members_are_stepped_in_compiled_code_up_to_a_step_that_is_left(taken):
 
 
 def test_a_state_that_does_not_stay_finite_ends_the_run_with_the_last_one():
-    simulation = Simulation.from_text(BOXES.replace('drive: "-0.05 + 0.02*sin(9*t)"', "position: -0.05"))
+    simulation = Simulation.from_text(contact_mechanism(0, "block"), method="moreau")
     simulation.step(3)
     before = simulation.y.copy()
-    simulation.set_efforts({"table": 1e308})
+    simulation.set_efforts(np.full(len(simulation.u), 1e308))
     with pytest.raises(DivergedError):
         simulation.step(50)
     assert np.array_equal(simulation.y, before)

@@ -35,7 +35,7 @@ def exact_pairs(displacements):
     ends = sympy.Poly(both[0].resultant(both[1]).as_expr(), x)
     assert ends.degree() == 7
     found = []
-    for root in ends.nroots(n=40, maxsteps=500):
+    for root in ends.nroots(n=25, maxsteps=500):
         if abs(sympy.im(root)) > 1e-15:
             continue
         at = [np.array([complex(one.subs(x, sympy.re(root))) for one in cubic.all_coeffs()]) for cubic in polynomials]
