@@ -22,7 +22,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     readings_size,
 )
 from mbd_sim.simulation.contact.compiled.instant.linear import solve
-from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, hypot, slip, with_directions
+from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, forward, hypot, slip, with_directions
 
 ANGLE = 1e-5  # tangent of the angle for derivatives by directions
 MOST_SWEEPS = 40
@@ -32,6 +32,8 @@ SHARE = 1e-2  # of the error of a motion that is enough, the same
 CONVERGED = 1e-11  # the same where sweeps change no less, because of round-off
 DIVERGED = 1e3
 MISSED = 5e-4  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
+HALVINGS = 24  # by which the share of a length is found at which a guard becomes negative
+SOON = 1e-9  # of a length, before which a guard that begins with zero is not sought to be positive
 EARLY = 0.1  # of what is missed, a change by a sweep after which a length that is too long is known to be so
 
 
@@ -43,7 +45,7 @@ def collocated(
     :param enough: an error with which the motion is not used; then it may be found from fewer sweeps.
     """
     across, along, error, change, last = zeros(STAGES * c.pairs), zeros(STAGES * c.pairs), math.inf, 0.0, math.inf
-    projected, time = zeros(c.size), zeros(1)
+    projected, time, rate, left = zeros(c.size), zeros(1), 1.0, math.inf
     exact = max(EXACT, SHARE * enough) if enough < math.inf else EXACT
     guess(c, s, length)
     for _ in range(MOST_SWEEPS):
@@ -51,13 +53,15 @@ def collocated(
         if not change < DIVERGED:
             return math.inf
         error = MISSED * length * missed(c, s)
-        if change <= exact or (change <= CONVERGED and change > 0.5 * last):
+        left = change * min(1.0, max(rate, change / last))
+        rate = change / last
+        if left <= exact or (change <= CONVERGED and change > 0.5 * last):
             break
         if error > enough and change < EARLY * error / MISSED:
             break
         last = change
         correct(c, s, length, across, along)
-    if change > CONVERGED and not error > enough:
+    if left > max(exact, CONVERGED) and not error > enough:
         return math.inf
     time[0] = t + length
     for i in range(c.size):
@@ -74,7 +78,12 @@ def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float) -> 
     time[0] = t
     s.base[0] = 0.0
     with_directions(c, s, inputs, s.directions)
-    return START(c.start, time, y, s.given, s.slopes, readings[1:]) > 0
+    is_conditioned = START(c.start, time, y, s.given, s.slopes, readings[1:]) > 0
+    keep_guards(c, s, 0, readings)
+    for k in range(c.frictions):
+        if s.turning[k]:
+            s.kept[c.guards + k] = forward(c, s, readings, k)
+    return is_conditioned
 
 
 def find_effects(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float) -> None:
@@ -176,7 +185,6 @@ def sweep(
     """
     time, state, slopes, readings = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c))
     found, speed, place = 0.0, min(1.0, c.unit_speed), min(1.0, c.unit_speed / c.unit_rate)
-    s.crossed[0] = 0
     for stage in range(1, STAGES + 1):
         for i in range(c.size):
             state[i] = y[i] + length * weighted(c, s, stage, i)
@@ -190,9 +198,7 @@ def sweep(
             if i < c.first_speed + c.speeds and not change <= found * unit:
                 found = change / unit if math.isfinite(change) else math.inf
             s.slopes[stage * c.size + i] = slopes[i]
-        for k in range(c.guards):
-            if s.crossed[0] == 0 and readings[guard_at(c, k)] < -c.tolerance and not s.left_out[k]:
-                s.crossed[0] = stage
+        keep_guards(c, s, stage, readings)
         row = first
         for k in range(c.frictions):
             if s.turning[k]:
@@ -200,9 +206,63 @@ def sweep(
                 across[row] = slip(c, readings, k, 1) * x - slip(c, readings, k, 0) * z
                 along[row] = slip(c, readings, k, 0) * x + slip(c, readings, k, 1) * z
                 found = max(found, abs(across[row]) / c.unit_speed)
-                if s.crossed[0] == 0 and along[row] < 0.0:
-                    s.crossed[0] = stage
+                s.kept[stage * (c.guards + c.frictions) + c.guards + k] = along[row]
                 row += 1
+    return found
+
+
+def keep_guards(c: Contacts, s: Sliding, stage: int, readings: Array) -> None:
+    """Keep the guards at a node."""
+    for k in range(c.guards):
+        s.kept[stage * (c.guards + c.frictions) + k] = readings[guard_at(c, k)]
+
+
+def first_crossing(c: Contacts, s: Sliding) -> float:
+    """The share of the length at which a guard becomes negative first, or a slip reverses, by their values at the nodes.
+
+    The result is 1 if none is negative at a node.
+    """
+    first, count = 1.0, c.guards + c.frictions
+    for k in range(count):
+        if is_guard(c, s, k) and first > 0.0:
+            tolerance = c.tolerance if k < c.guards else 0.0
+            for stage in range(1, STAGES + 1):
+                if s.kept[stage * count + k] < -tolerance:
+                    if c.radau[stage - 1] < first:
+                        first = min(first, crossing(c, s, k, stage))
+                    break
+    return first
+
+
+def is_guard(c: Contacts, s: Sliding, k: int) -> bool:
+    """Whether a value at the nodes must stay positive: a guard, or behind these the slip of an element that turns."""
+    return not s.left_out[k] if k < c.guards else s.turning[k - c.guards] != 0
+
+
+def crossing(c: Contacts, s: Sliding, k: int, stage: int) -> float:
+    """The share of the length at which a value that is negative at a node, and not before, becomes zero."""
+    low, high = c.radau[stage - 1], c.radau[stage]
+    if stage == 1 and not at_share(c, s, k, 0.0) > c.tolerance:
+        while high > SOON and not at_share(c, s, k, high) > c.tolerance:
+            high *= 0.25
+        low, high = high, 4.0 * high
+        if low <= SOON:
+            return 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if at_share(c, s, k, middle) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def at_share(c: Contacts, s: Sliding, k: int, share: float) -> float:
+    """A value that is known at the nodes, at a share of the length."""
+    weights, found = zeros(STAGES + 1), 0.0
+    lagrange(c, 0, share, weights)
+    for stage in range(STAGES + 1):
+        found += weights[stage] * s.kept[stage * (c.guards + c.frictions) + k]
     return found
 
 

@@ -9,7 +9,14 @@ import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
-from mbd_sim.simulation.contact.compiled.collocation import begin_slopes, collocated, find_effects, remember
+from mbd_sim.simulation.contact.compiled.collocation import (
+    MISSED,
+    begin_slopes,
+    collocated,
+    find_effects,
+    first_crossing,
+    remember,
+)
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     Contacts,
     direction_at,
@@ -54,6 +61,11 @@ LEAST = 0.05  # of a length whose error is too large
 BEYOND = 1.02  # of the length up to a stop, as the slopes at the start tell it, that a motion may have
 NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
 ACCURATE = 1e-9  # of natural units, error of such a motion
+DECAYED = 5.5  # see `length_of_transient`
+FORESEEN = 0.5
+NEARLY = 0.999  # of a length, from which on a guard that becomes negative needs no shorter one
+BEYOND_CROSSING = 1.0 + 1e-6
+GROWTH = 1.7  # of the length that would have been accurate: after a transient, the next one can be longer
 LONGER = 4.0  # than the last part of a step that a next one may be
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
 UNHELD = (
@@ -92,9 +104,10 @@ def stage_within(
     for guard in range(c.guards):
         left_out[guard] = ignored[guard]
     s = Sliding(
-        integers(c.frictions), left_out, integers(c.frictions), integers(1), integers(1), zeros(2 * c.frictions),
+        integers(c.frictions), left_out, integers(c.frictions), integers(1), zeros(2 * c.frictions),
         zeros(count), zeros(count), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(pairs * c.speeds),
         zeros(pairs * pairs), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(1),
+        zeros(many * (c.guards + c.frictions)),
     )  # fmt: skip
     own, n = inputs, readings_size(c)
     before = zeros(n)
@@ -115,7 +128,7 @@ def stage_within(
     m.span[0] = min(length, first_length)
     found[2] = LONGER * m.span[0] if first_length < length else math.inf
     if pairs:
-        found[2] = follow(c, m, found[2])
+        found[2] = follow(c, m, found[2], first_length == math.inf)
         first = stop_of(c, m)
     else:
         read_poses(c, t, y, inputs, m.places_before)
@@ -201,7 +214,7 @@ def turn(c: Contacts, readings: Array, inputs: Array, s: Sliding) -> None:
                     inputs[at] = slip(c, readings, k, direction) / speed
 
 
-def follow(c: Contacts, m: TrialPart, following: float) -> float:
+def follow(c: Contacts, m: TrialPart, following: float, is_first: bool) -> float:
     """Take the motion in which slips do not turn much, keep their directions, or are turned by friction.
 
     The result is the length to try next, which is `following` where turning does not limit that.
@@ -220,11 +233,14 @@ def follow(c: Contacts, m: TrialPart, following: float) -> float:
         if may_keep_straight(c, m, ahead) and keeps_straight(c, m):
             return following
         find_effects(c, m.sliding, m.y, m.inputs, m.t, length)
-        longer = along_turning(c, m, length_to_stop(c, m, length, ahead))
+        length = length_to_stop(c, m, length, ahead)
+        if is_first:
+            length = length_of_transient(c, m, length, ahead)
+        longer = along_turning(c, m, length)
         if longer > 0.0:
             return longer
     m.failed[0] = 0
-    finish(c, m, length)
+    finish(c, m, m.span[0])
     resolve_turning(c, m)
     return AS_LONG * m.span[0]
 
@@ -337,17 +353,39 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
             remember(c, s, length)
         if error <= ACCURATE:
             read(c, m.t + length, m.end, m.inputs, m.after)
-            if 0 < s.crossed[0] < STAGES:
-                share = c.radau[s.crossed[0]]
+            crossing = first_crossing(c, s)
+            if 0.0 < crossing < NEARLY:
+                share = BEYOND_CROSSING * crossing
             elif turns_little(c, m):
                 read_poses(c, m.t + length, m.end, m.inputs, m.places_after)
                 s.is_collocated[0], m.span[0] = 1, length
-                return share * length
+                return GROWTH * share * length
             else:
                 share = SHORTENING
         length *= share
     s.is_collocated[0] = 0
     return 0.0
+
+
+def length_of_transient(c: Contacts, m: TrialPart, longest: float, ahead: Array) -> float:
+    """A length within which the slip across a direction, that friction turns, should approach zero accurately.
+
+    It decays as exp(-rate t); the polynomial through the nodes misses its slope at the start by nearly that times
+    (z / (z + 5.5))^5, with z = rate length.
+    """
+    found = longest
+    for k in range(c.frictions):
+        if m.sliding.turning[k]:
+            x, y = m.sliding.directions[2 * k], m.sliding.directions[2 * k + 1]
+            across = abs(x * slip(c, ahead, k, 1) - y * slip(c, ahead, k, 0)) / (m.span[0] * c.unit_speed)
+            rate, share = turning_at(c, m.before, k), 0.0
+            while share < 1.0:
+                part = rate * found / (rate * found + DECAYED)
+                square = part * part
+                error = MISSED * found * across * square * square * part
+                share = min(1.0, share_with(error)) if error > ACCURATE else 1.0
+                found *= share
+    return found if found < FORESEEN * longest else longest
 
 
 def share_with(error: float) -> float:

@@ -124,8 +124,8 @@ def may_change(c: Contacts, inputs: Array, before: Array, after: Array) -> bool:
 def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> bool:
     """Whether two bodies meet or features change in a step from a state to another, or this is not known."""
     n, s = readings_size(c), Sliding(
-        integers(0), integers(0), integers(0), integers(1), integers(1), zeros(0), zeros(0), zeros(0), zeros(0),
-        zeros(0), zeros(0), zeros(0), zeros(0), zeros(0), zeros(1),
+        integers(0), integers(0), integers(0), integers(1), zeros(0), zeros(0), zeros(0), zeros(0), zeros(0), zeros(0),
+        zeros(0), zeros(0), zeros(0), zeros(1), zeros(0),
     )  # fmt: skip
     m = TrialPart(
         before, inputs, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n),
