@@ -48,8 +48,8 @@ def collocated(
     projected, time, rate, left = zeros(c.size), zeros(1), 1.0, math.inf
     exact = max(EXACT, SHARE * enough) if enough < math.inf else EXACT
     guess(c, s, length)
-    for _ in range(MOST_SWEEPS):
-        change = sweep(c, s, y, inputs, t, length, across, along)
+    for count in range(MOST_SWEEPS):
+        change = sweep(c, s, y, inputs, t, length, count == 0 and s.base[0] == 0.0, across, along)
         if not change < DIVERGED:
             return math.inf
         error = MISSED * length * missed(c, s)
@@ -64,17 +64,16 @@ def collocated(
     if left > max(exact, CONVERGED) and not error > enough:
         return math.inf
     time[0] = t + length
-    for i in range(c.size):
-        state[i] = y[i] + length * weighted(c, s, STAGES, i)
+    state_at(c, s, y, length, STAGES, state)
     READ(c.project, time, state, inputs, projected)
     for i in range(c.size):
         state[i] = projected[i]
     return error
 
 
-def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float) -> bool:
-    """Find the slopes at the start; False where the constraints are ill-conditioned."""
-    time, readings = zeros(1), zeros(readings_size(c))
+def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, readings: Array) -> bool:
+    """Find the slopes and the readings at the start; False where the constraints are ill-conditioned."""
+    time = zeros(1)
     time[0] = t
     s.base[0] = 0.0
     with_directions(c, s, inputs, s.directions)
@@ -86,16 +85,17 @@ def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float) -> 
     return is_conditioned
 
 
-def find_effects(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float) -> None:
+def find_effects(
+    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, readings: Array
+) -> None:  # fmt: skip
     """Find how slopes and slips at the start change with the directions.
 
     :param length: a typical one in s.
+    :param readings: at the start.
     """
     time, moved, state, column, row = zeros(1), zeros(c.size), zeros(c.size), 0, 0
-    readings, after = zeros(readings_size(c)), zeros(readings_size(c))
-    pairs = number_of(c, s.all)
+    after, pairs = zeros(readings_size(c)), number_of(c, s.all)
     time[0] = t
-    read(c, t, y, inputs, readings)
     for k in range(c.frictions):
         if s.turning[k]:
             x, z = s.directions[2 * k], s.directions[2 * k + 1]
@@ -168,26 +168,31 @@ def lagrange(c: Contacts, first: int, x: float, weights: Array) -> None:
                 weights[j] *= (x - c.radau[k]) / (c.radau[j] - c.radau[k])
 
 
-def weighted(c: Contacts, s: Sliding, stage: int, i: int) -> float:
-    """The mean slope of a component up to a node, times the node."""
-    found, first = 0.0, STAGES + 1 + (stage - 1) * STAGES
+def state_at(c: Contacts, s: Sliding, y: Array, length: float, stage: int, state: Array) -> None:
+    """The state at a node, by the mean slopes up to it."""
+    first = STAGES + 1 + (stage - 1) * STAGES
+    for i in range(c.size):
+        state[i] = y[i]
     for j in range(STAGES):
-        found += c.radau[first + j] * s.slopes[(j + 1) * c.size + i]
-    return found
+        share, slopes = length * c.radau[first + j], s.slopes[(j + 1) * c.size :]
+        for i in range(c.size):
+            state[i] += share * slopes[i]
 
 
 def sweep(
-    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, across: Array, along: Array
-) -> float:
+    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, guessed: bool, across: Array,
+    along: Array,
+) -> float:  # fmt: skip
     """Evaluate the slopes at all nodes, and the slips across and along the directions of friction there.
+
+    :param guessed: the slopes are those at the start; then they change linearly behind the last node.
 
     The result is the largest change of the state by new slopes, or slip across a direction, in natural units.
     """
     time, state, slopes, readings = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c))
     found, speed, place = 0.0, min(1.0, c.unit_speed), min(1.0, c.unit_speed / c.unit_rate)
     for stage in range(1, STAGES + 1):
-        for i in range(c.size):
-            state[i] = y[i] + length * weighted(c, s, stage, i)
+        state_at(c, s, y, length, stage, state)
         directions, first = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs
         with_directions(c, s, inputs, directions)
         time[0] = t + c.radau[stage] * length
@@ -197,6 +202,9 @@ def sweep(
             unit = place if i < c.first_speed else speed
             if i < c.first_speed + c.speeds and not change <= found * unit:
                 found = change / unit if math.isfinite(change) else math.inf
+            for later in range(stage + 1, STAGES + 1 if guessed else 0):
+                change = c.radau[later] / c.radau[stage] * (slopes[i] - s.slopes[stage * c.size + i])
+                s.slopes[later * c.size + i] += change
             s.slopes[stage * c.size + i] = slopes[i]
         keep_guards(c, s, stage, readings)
         row = first

@@ -227,12 +227,12 @@ def follow(c: Contacts, m: TrialPart, following: float, is_first: bool) -> float
         finish(c, m, length)
         if not find_turning(c, m, length):
             return following
-    if begin_slopes(c, m.sliding, m.y, m.inputs, m.t):
-        ahead = zeros(readings_size(c))
+    ahead, start = zeros(readings_size(c)), zeros(readings_size(c))
+    if begin_slopes(c, m.sliding, m.y, m.inputs, m.t, start):
         begin_ahead(c, m, length, ahead)
         if may_keep_straight(c, m, ahead) and keeps_straight(c, m):
             return following
-        find_effects(c, m.sliding, m.y, m.inputs, m.t, length)
+        find_effects(c, m.sliding, m.y, m.inputs, m.t, length, start)
         length = length_to_stop(c, m, length, ahead)
         if is_first:
             length = length_of_transient(c, m, length, ahead)
