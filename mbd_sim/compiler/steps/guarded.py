@@ -156,13 +156,11 @@ def _emit_loop(
     def time_of(step: Value) -> Value:
         return b.fmul(b.sitofp(step, DOUBLE), h)
 
-    copy(b, size, state, y)
-    b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
-    emitter.index, emitter.steps = first, count
+    _enter(emitter, state, estimate, first, count)
     check.begin(time_of(first), kept, h)
 
     entry, head = b.block, b.append_basic_block("step")
-    body, event, finished = (b.append_basic_block(block) for block in ("body", "event", "finished"))
+    body, whole, event, finished = (b.append_basic_block(block) for block in ("body", "whole", "event", "finished"))
     b.branch(head)
     b.position_at_end(head)
     index = b.phi(INT)
@@ -174,7 +172,6 @@ def _emit_loop(
     emitter.is_estimated = b.icmp_unsigned("==", b.and_(emitter.index, integer(ESTIMATED_EVERY - 1)), integer(0))
     emitter.sample(emitter.index, time_of(emitter.index))  # also where an event is left to the caller
     copy(b, size, y, before)
-    whole = b.append_basic_block("whole")
     b.cbranch(check.begins_with_event(index, time_of(emitter.index), h), event, whole)
 
     b.position_at_end(whole)
@@ -183,9 +180,9 @@ def _emit_loop(
     emitter.project(following, y)
     check.keep()
     check.read(following)
-    is_event = check.ended(inputs, h)
+    ended = check.ended(inputs, h)
     index.add_incoming(next_index, b.block)
-    b.cbranch(is_event, event, head)
+    b.cbranch(ended, event, head)
 
     b.position_at_end(event)
     kept_size = steps.history + kept_at_start(size, guards.gaps, guards.rows)
@@ -197,6 +194,13 @@ def _emit_loop(
     finite = _emit_end(emitter, check, state, kept, sum_of_zeros)
     _leave(emitter, estimate, b.select(finite, count, integer(-1)))
     return function
+
+
+def _enter(emitter: StepEmitter, state: Value, estimate: Value, first: Value, count: Value) -> None:
+    b = emitter.b
+    copy(b, emitter.system.size, state, emitter.y)
+    b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
+    emitter.index, emitter.steps = first, count
 
 
 def _leave(emitter: StepEmitter, estimate: Value, result: Value) -> None:

@@ -17,11 +17,11 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     READ,
     START,
     Contacts,
-    guard_at,
     read,
     readings_size,
 )
 from mbd_sim.simulation.contact.compiled.instant.linear import solve
+from mbd_sim.simulation.contact.compiled.nodes import keep_guards, lagrange
 from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, forward, hypot, slip, with_directions
 
 ANGLE = 1e-5  # tangent of the angle for derivatives by directions
@@ -32,8 +32,6 @@ SHARE = 1e-2  # of the error of a motion that is enough, the same
 CONVERGED = 1e-11  # the same where sweeps change no less, because of round-off
 DIVERGED = 1e3
 MISSED = 5e-4  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
-HALVINGS = 24  # by which the share of a length is found at which a guard becomes negative
-SOON = 1e-9  # of a length, before which a guard that begins with zero is not sought to be positive
 EARLY = 0.1  # of what is missed, a change by a sweep after which a length that is too long is known to be so
 
 
@@ -159,24 +157,14 @@ def remember(c: Contacts, s: Sliding, length: float) -> None:
         s.known_turns[i] = s.turns[i]
 
 
-def lagrange(c: Contacts, first: int, x: float, weights: Array) -> None:
-    """The weights with which values at the nodes from the `first` on, of which 0 is the one at 0, give that at x."""
-    for j in range(first, STAGES + 1):
-        weights[j] = 1.0
-        for k in range(first, STAGES + 1):
-            if k != j:
-                weights[j] *= (x - c.radau[k]) / (c.radau[j] - c.radau[k])
-
-
 def state_at(c: Contacts, s: Sliding, y: Array, length: float, stage: int, state: Array) -> None:
     """The state at a node, by the mean slopes up to it."""
-    first = STAGES + 1 + (stage - 1) * STAGES
-    for i in range(c.size):
-        state[i] = y[i]
-    for j in range(STAGES):
-        share, slopes = length * c.radau[first + j], s.slopes[(j + 1) * c.size :]
-        for i in range(c.size):
-            state[i] += share * slopes[i]
+    size, slopes, shares, change = c.size, s.slopes[c.size :], c.radau[STAGES + 1 + (stage - 1) * STAGES :], 0.0
+    for i in range(size):
+        change = 0.0
+        for j in range(STAGES):
+            change += shares[j] * slopes[j * size + i]
+        state[i] = y[i] + length * change
 
 
 def sweep(
@@ -189,23 +177,19 @@ def sweep(
 
     The result is the largest change of the state by new slopes, or slip across a direction, in natural units.
     """
-    time, state, slopes, readings = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c))
-    found, speed, place = 0.0, min(1.0, c.unit_speed), min(1.0, c.unit_speed / c.unit_rate)
+    time, state, slopes, readings, found = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c)), 0.0
     for stage in range(1, STAGES + 1):
         state_at(c, s, y, length, stage, state)
-        directions, first = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs
+        directions, first, old = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs, s.slopes[stage * c.size :]
         with_directions(c, s, inputs, directions)
         time[0] = t + c.radau[stage] * length
         START(c.start, time, state, s.given, slopes, readings[1:])
+        found = max(found, length * difference(c, slopes, old))
+        for later in range(stage + 1, STAGES + 1 if guessed else 0):
+            for i in range(c.size):
+                s.slopes[later * c.size + i] += c.radau[later] / c.radau[stage] * (slopes[i] - old[i])
         for i in range(c.size):
-            change = abs(slopes[i] - s.slopes[stage * c.size + i]) * length
-            unit = place if i < c.first_speed else speed
-            if i < c.first_speed + c.speeds and not change <= found * unit:
-                found = change / unit if math.isfinite(change) else math.inf
-            for later in range(stage + 1, STAGES + 1 if guessed else 0):
-                change = c.radau[later] / c.radau[stage] * (slopes[i] - s.slopes[stage * c.size + i])
-                s.slopes[later * c.size + i] += change
-            s.slopes[stage * c.size + i] = slopes[i]
+            old[i] = slopes[i]
         keep_guards(c, s, stage, readings)
         row = first
         for k in range(c.frictions):
@@ -219,72 +203,31 @@ def sweep(
     return found
 
 
-def keep_guards(c: Contacts, s: Sliding, stage: int, readings: Array) -> None:
-    """Keep the guards at a node."""
-    for k in range(c.guards):
-        s.kept[stage * (c.guards + c.frictions) + k] = readings[guard_at(c, k)]
-
-
-def first_crossing(c: Contacts, s: Sliding) -> float:
-    """The share of the length at which a guard becomes negative first, or a slip reverses, by their values at the nodes.
-
-    The result is 1 if none is negative at a node.
-    """
-    first, count = 1.0, c.guards + c.frictions
-    for k in range(count):
-        if is_guard(c, s, k) and first > 0.0:
-            tolerance = c.tolerance if k < c.guards else 0.0
-            for stage in range(1, STAGES + 1):
-                if s.kept[stage * count + k] < -tolerance:
-                    if c.radau[stage - 1] < first:
-                        first = min(first, crossing(c, s, k, stage))
-                    break
-    return first
-
-
-def is_guard(c: Contacts, s: Sliding, k: int) -> bool:
-    """Whether a value at the nodes must stay positive: a guard, or behind these the slip of an element that turns."""
-    return not s.left_out[k] if k < c.guards else s.turning[k - c.guards] != 0
-
-
-def crossing(c: Contacts, s: Sliding, k: int, stage: int) -> float:
-    """The share of the length at which a value that is negative at a node, and not before, becomes zero."""
-    low, high = c.radau[stage - 1], c.radau[stage]
-    if stage == 1 and not at_share(c, s, k, 0.0) > c.tolerance:
-        while high > SOON and not at_share(c, s, k, high) > c.tolerance:
-            high *= 0.25
-        low, high = high, 4.0 * high
-        if low <= SOON:
-            return 0.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if at_share(c, s, k, middle) > 0.0:
-            low = middle
-        else:
-            high = middle
-    return high
-
-
-def at_share(c: Contacts, s: Sliding, k: int, share: float) -> float:
-    """A value that is known at the nodes, at a share of the length."""
-    weights, found = zeros(STAGES + 1), 0.0
-    lagrange(c, 0, share, weights)
-    for stage in range(STAGES + 1):
-        found += weights[stage] * s.kept[stage * (c.guards + c.frictions) + k]
-    return found
-
-
 def missed(c: Contacts, s: Sliding) -> float:
     """By how much the polynomial through the slopes at the nodes misses those at the start, in natural units."""
-    weights, found, speed, place = zeros(STAGES + 1), 0.0, min(1.0, c.unit_speed), c.unit_speed / c.unit_rate
-    place = min(1.0, place)
+    weights, value = zeros(STAGES + 1), zeros(c.size)
     lagrange(c, 1, 0.0, weights)
-    for i in range(c.first_speed + c.speeds):
-        value = -s.slopes[i]
-        for j in range(1, STAGES + 1):
-            value += weights[j] * s.slopes[j * c.size + i]
-        found = max(found, abs(value) / (place if i < c.first_speed else speed))
-    return found
+    for j in range(1, STAGES + 1):
+        for i in range(c.size):
+            value[i] += weights[j] * s.slopes[j * c.size + i]
+    return difference(c, value, s.slopes)
+
+
+def difference(c: Contacts, slopes: Array, others: Array) -> float:
+    """The largest difference of slopes of coordinates and speeds, in natural units; infinite if it is not a number."""
+    place, speed = 0.0, 0.0
+    for i in range(c.first_speed):
+        place = larger(place, abs(slopes[i] - others[i]))
+    for i in range(c.first_speed, c.first_speed + c.speeds):
+        speed = larger(speed, abs(slopes[i] - others[i]))
+    return max(place / min(1.0, c.unit_speed / c.unit_rate), speed / min(1.0, c.unit_speed))
+
+
+def larger(one: float, other: float) -> float:
+    """The larger one of two numbers that are not negative; infinite if the other is not a number."""
+    if other <= one:
+        return one
+    return other if math.isfinite(other) else math.inf
 
 
 def correct(c: Contacts, s: Sliding, length: float, across: Array, along: Array) -> None:

@@ -9,14 +9,7 @@ import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.compiler.steps.guarded import STIFF, TURNING
-from mbd_sim.simulation.contact.compiled.collocation import (
-    MISSED,
-    begin_slopes,
-    collocated,
-    find_effects,
-    first_crossing,
-    remember,
-)
+from mbd_sim.simulation.contact.compiled.collocation import begin_slopes, collocated, find_effects, remember
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     Contacts,
     direction_at,
@@ -27,6 +20,16 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     slides,
     turning_at,
 )
+from mbd_sim.simulation.contact.compiled.lengths import (
+    ACCURATE,
+    LONGER,
+    SHORTER,
+    length_of_transient,
+    length_to_stop,
+    share_with,
+    turns_little,
+)
+from mbd_sim.simulation.contact.compiled.nodes import first_crossing
 from mbd_sim.simulation.contact.compiled.search import (
     FORWARD,
     NONE,
@@ -55,18 +58,10 @@ STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
 CURVED = 1e-8  # part of a change of slip across it, with the slopes at the start, beyond which it is not straight
 STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its direction
 NOISE = 1e-15  # of the natural speed, in slip
-SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
-LEAST = 0.05  # of a length whose error is too large
-BEYOND = 1.02  # of the length up to a stop, as the slopes at the start tell it, that a motion may have
-NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
-ACCURATE = 1e-9  # of natural units, error of such a motion
-DECAYED = 5.5  # see `length_of_transient`
-FORESEEN = 0.5
 NEARLY = 0.999  # of a length, from which on a guard that becomes negative needs no shorter one
-BEYOND_CROSSING = 1.0 + 1e-6
+AFTER = 1.0 + 1e-6  # of the length up to where a guard becomes negative, that a motion has
 GROWTH = 1.7  # of the length that would have been accurate: after a transient, the next one can be longer
-LONGER = 4.0  # than the last part of a step that a next one may be
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
@@ -289,18 +284,6 @@ def may_keep_straight(c: Contacts, m: TrialPart, ahead: Array) -> bool:
     return True
 
 
-def length_to_stop(c: Contacts, m: TrialPart, length: float, ahead: Array) -> float:
-    """A length, or little more than that up to a stop of a slip that turns, as the slopes at the start tell it."""
-    found = length
-    for k in range(c.frictions):
-        speed = speed_of(c, m.before, k)
-        if m.sliding.turning[k] and speed > c.slow:
-            slowing = (speed - forward(c, m.sliding, ahead, k)) / length
-            if slowing > 0.0:
-                found = min(found, BEYOND * speed / slowing)
-    return found
-
-
 def keeps_straight(c: Contacts, m: TrialPart) -> bool:
     """Take the motion with constant directions of friction, if the slips keep these directions."""
     s, n, noise = m.sliding, readings_size(c), NOISE * c.unit_speed
@@ -355,7 +338,7 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
             read(c, m.t + length, m.end, m.inputs, m.after)
             crossing = first_crossing(c, s)
             if 0.0 < crossing < NEARLY:
-                share = BEYOND_CROSSING * crossing
+                share = AFTER * crossing
             elif turns_little(c, m):
                 read_poses(c, m.t + length, m.end, m.inputs, m.places_after)
                 s.is_collocated[0], m.span[0] = 1, length
@@ -365,45 +348,6 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
         length *= share
     s.is_collocated[0] = 0
     return 0.0
-
-
-def length_of_transient(c: Contacts, m: TrialPart, longest: float, ahead: Array) -> float:
-    """A length within which the slip across a direction, that friction turns, should approach zero accurately.
-
-    It decays as exp(-rate t); the polynomial through the nodes misses its slope at the start by nearly that times
-    (z / (z + 5.5))^5, with z = rate length.
-    """
-    found = longest
-    for k in range(c.frictions):
-        if m.sliding.turning[k]:
-            x, y = m.sliding.directions[2 * k], m.sliding.directions[2 * k + 1]
-            across = abs(x * slip(c, ahead, k, 1) - y * slip(c, ahead, k, 0)) / (m.span[0] * c.unit_speed)
-            rate, share = turning_at(c, m.before, k), 0.0
-            while share < 1.0:
-                part = rate * found / (rate * found + DECAYED)
-                square = part * part
-                error = MISSED * found * across * square * square * part
-                share = min(1.0, share_with(error)) if error > ACCURATE else 1.0
-                found *= share
-    return found if found < FORESEEN * longest else longest
-
-
-def share_with(error: float) -> float:
-    """The share of a length in which a motion should be accurate, from its error."""
-    ratio = ACCURATE / max(error, 1e-6 * ACCURATE)
-    root = math.sqrt(math.sqrt(math.sqrt(ratio)))
-    return min(LONGER, max(LEAST, SHORTER * root * math.sqrt(root)))
-
-
-def turns_little(c: Contacts, m: TrialPart) -> bool:
-    """Whether no slip has turned so far that its direction would count as reversed."""
-    for k in range(c.frictions):
-        if m.sliding.turning[k]:
-            x, y = m.sliding.directions[2 * k], m.sliding.directions[2 * k + 1]
-            along = slip(c, m.after, k, 0) * x + slip(c, m.after, k, 1) * y
-            if abs(along) < NEAR * speed_of(c, m.after, k):
-                return False
-    return True
 
 
 def resolve_turning(c: Contacts, m: TrialPart) -> None:

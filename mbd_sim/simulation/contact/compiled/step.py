@@ -27,10 +27,11 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
 )
 from mbd_sim.simulation.contact.compiled.instant.impact import impact
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, find_modes, is_touching
+from mbd_sim.simulation.contact.compiled.lengths import LONGER
 from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
 from mbd_sim.simulation.contact.compiled.sliding import Sliding
-from mbd_sim.simulation.contact.compiled.slip import EVENT, LONGER, stage
+from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step
