@@ -27,9 +27,9 @@ from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, forward
 ANGLE = 1e-5  # tangent of the angle for derivatives by directions
 MOST_SWEEPS = 40
 MOST_TOGETHER = 32  # elements whose directions are corrected together
-EXACT = 1e-13  # of natural units, change by a sweep after which no other is needed
-SHARE = 1e-2  # of the error of a motion that is enough, the same
-CONVERGED = 1e-11  # the same where sweeps change no less, because of round-off
+EXACT = 1e-13  # of natural units, change that the next sweep should make, with which it is not needed
+SHARE = 3e-2  # of the error of a motion that is enough, the same
+CONVERGED = 1e-11  # of natural units, change by a sweep where sweeps change no less, because of round-off
 DIVERGED = 1e3
 MISSED = 5e-4  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
 EARLY = 0.1  # of what is missed, a change by a sweep after which a length that is too long is known to be so
@@ -51,7 +51,7 @@ def collocated(
         if not change < DIVERGED:
             return math.inf
         error = MISSED * length * missed(c, s)
-        left = change * min(1.0, max(rate, change / last))
+        left = change * min(1.0, max(rate, change / last))  # by the worse one of the last two rates of convergence
         rate = change / last
         if left <= exact or (change <= CONVERGED and change > 0.5 * last):
             break
@@ -61,6 +61,7 @@ def collocated(
         correct(c, s, length, across, along)
     if left > max(exact, CONVERGED) and not error > enough:
         return math.inf
+    correct(c, s, length, across, along)
     time[0] = t + length
     state_at(c, s, y, length, STAGES, state)
     READ(c.project, time, state, inputs, projected)
@@ -103,10 +104,10 @@ def find_effects(
             s.directions[2 * k], s.directions[2 * k + 1] = x, z
             for i in range(c.size):
                 state[i] = y[i]
-            for i in range(c.speeds):
-                at = c.first_speed + i
-                s.turned[column * c.speeds + i] = (moved[at] - s.slopes[at]) / ANGLE
-                state[at] += length * s.turned[column * c.speeds + i]
+            for i in range(c.size):
+                s.turned[column * c.size + i] = (moved[i] - s.slopes[i]) / ANGLE
+            for i in range(c.first_speed, c.first_speed + c.speeds):
+                state[i] += length * s.turned[column * c.size + i]
             read(c, t, state, inputs, after)
             row = 0
             for other in range(c.frictions):
@@ -261,8 +262,8 @@ def correct_some(
             if s.turning[k] and first <= number and number < first + count:
                 angle = min(1.0, max(-1.0, angles[stage * count + number - first]))
                 rotate(s.turns[(stage + 1) * m :], k, angle)
-                for i in range(c.speeds):
-                    s.slopes[(stage + 1) * c.size + c.first_speed + i] += angle * s.turned[number * c.speeds + i]
+                for i in range(c.size):
+                    s.slopes[(stage + 1) * c.size + i] += angle * s.turned[number * c.size + i]
             number += s.turning[k]
 
 

@@ -18,12 +18,11 @@ class Sliding:
 
     Their `directions` (2 frictions,) at the start can be constant in a motion with other inputs, `given`; `inputs` are
     those of the motion that is followed. If `is_collocated[0]` is 1, that is found by collocation: the `slopes` (stages
-    + 1, n) at the start and at the nodes, with the directions `turns` (stages + 1, 2 frictions). The rates of speeds
-    change with the direction of each element that turns by `turned` (pairs, speeds) in 1/s² or m/s² per rad, and those
-    of slip across the directions by `effects` (pairs, pairs) in m/s² per rad. The `known` slopes and `known_turns` are
-    those of a motion of the length `base[0]`, if that is positive. Of the start and the nodes, `kept` (stages + 1,
-    guards + frictions) has the guards, of which those `left_out` (guards,) make no event, and the slips along their
-    first directions of what turns.
+    + 1, n) at the start and at the nodes, with the directions `turns` (stages + 1, 2 frictions). Slopes change with the
+    direction of each element that turns by `turned` (pairs, n) per rad, and those of slip across the directions by
+    `effects` (pairs, pairs) in m/s² per rad. The `known` slopes and `known_turns` are those of a motion of the length
+    `base[0]`, if that is positive. At the start and the nodes, `kept` (stages + 1, guards + frictions) are the guards,
+    of which those `left_out` (guards,) make no event, and the slips of what turns along their directions.
     """
 
     all: Integers

@@ -100,7 +100,7 @@ def stage_within(
         left_out[guard] = ignored[guard]
     s = Sliding(
         integers(c.frictions), left_out, integers(c.frictions), integers(1), zeros(2 * c.frictions),
-        zeros(count), zeros(count), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(pairs * c.speeds),
+        zeros(count), zeros(count), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(pairs * c.size),
         zeros(pairs * pairs), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(1),
         zeros(many * (c.guards + c.frictions)),
     )  # fmt: skip
