@@ -26,6 +26,7 @@ from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, forward
 
 ANGLE = 1e-5  # tangent of the angle for derivatives by directions
 MOST_SWEEPS = 40
+SLOW = 4  # sweeps that halve the change at least, or else a shorter length is tried
 MOST_TOGETHER = 32  # elements whose directions are corrected together
 EXACT = 1e-13  # of natural units, change that the next sweep should make, with which it is not needed
 SHARE = 3e-2  # of the error of a motion that is enough, the same
@@ -43,13 +44,14 @@ def collocated(
     :param enough: an error with which the motion is not used; then it may be found from fewer sweeps.
     """
     across, along, error, change, last = zeros(STAGES * c.pairs), zeros(STAGES * c.pairs), math.inf, 0.0, math.inf
-    projected, time, rate, left = zeros(c.size), zeros(1), 1.0, math.inf
+    projected, time, rate, left, before = zeros(c.size), zeros(1), 1.0, math.inf, math.inf
     exact = max(EXACT, SHARE * enough) if enough < math.inf else EXACT
     guess(c, s, length)
     for count in range(MOST_SWEEPS):
         change = sweep(c, s, y, inputs, t, length, count == 0 and s.base[0] == 0.0, across, along)
-        if not change < DIVERGED:
+        if not change < DIVERGED or (count % SLOW == SLOW - 1 and change > 0.5 * before):
             return math.inf
+        before = change if count % SLOW == SLOW - 1 else before
         error = MISSED * length * missed(c, s)
         left = change * min(1.0, max(rate, change / last))  # by the worse one of the last two rates of convergence
         rate = change / last

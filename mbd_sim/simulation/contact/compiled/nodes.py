@@ -11,6 +11,7 @@ from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding
 
 HALVINGS = 24  # by which the share of a length is found at which a value becomes negative
 BACK = 0.25  # of a share, at which a positive value is sought after a start at zero
+CLEAR = 1e-6  # of values at the nodes, by which one that begins with zero is positive behind it, beyond their errors
 SOON = 1e-9  # of a length, up to which it is sought
 
 
@@ -54,11 +55,13 @@ def is_guard(c: Contacts, s: Sliding, k: int) -> bool:
 def crossing(c: Contacts, s: Sliding, k: int, stage: int) -> float:
     """The share of the length at which a value that is negative at a node, and not before, becomes zero.
 
-    The result is 0 for a guard that is not positive from the start; a slip must not reverse there.
+    The result is 0 for a guard that is not clearly positive behind the start; a slip must not reverse there.
     """
-    low, high = c.radau[stage - 1], c.radau[stage]
+    low, high, clear = c.radau[stage - 1], c.radau[stage], c.tolerance
     if stage == 1 and not s.kept[k] > c.tolerance:
-        while not at_share(c, s, k, BACK * high) > c.tolerance:
+        for node in range(1, STAGES + 1):
+            clear = max(clear, CLEAR * abs(s.kept[node * (c.guards + c.frictions) + k]))
+        while not at_share(c, s, k, BACK * high) > clear:
             high *= BACK
             if high < SOON:
                 return 0.0 if k < c.guards else c.radau[1]
