@@ -45,6 +45,7 @@ ITERATIONS = 80
 NEAREST_START = 2.0**-40  # of a length, up to which a positive value is sought after a start at zero
 BACKTRACK = 0.5  # of a length, in this search
 LONG_BACKTRACK = 2.0**-4  # the same where friction has two directions: such motions cost more
+WITHIN = 0.1  # of the tolerance of a guard, where collocation finds its zero: what a gap lacks there costs energy
 RESOLUTION = 2.0**-52  # of the time, within which instants are not distinguished there
 # Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
 # values and rates falls by less than 8/27 of it.
@@ -249,7 +250,7 @@ def enough_above(c: Contacts, m: TrialPart, what: int, tolerance: float) -> floa
     """How large a value may be where it counts as zero: a slip without a direction, or the error of collocation."""
     if what == FORWARD:
         return c.slow
-    return tolerance if m.sliding.is_collocated[0] else 0.0
+    return WITHIN * tolerance if m.sliding.is_collocated[0] else 0.0
 
 
 def earlier(c: Contacts, m: TrialPart, what: int, index: int, first: float) -> float:
