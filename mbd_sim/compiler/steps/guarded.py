@@ -156,13 +156,11 @@ def _emit_loop(
     def time_of(step: Value) -> Value:
         return b.fmul(b.sitofp(step, DOUBLE), h)
 
-    copy(b, size, state, y)
-    b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
-    emitter.index, emitter.steps = first, count
-    check.begin(time_of(first), kept)
+    _enter(emitter, state, estimate, first, count)
+    check.begin(time_of(first), kept, h)
 
     entry, head = b.block, b.append_basic_block("step")
-    body, event, finished = (b.append_basic_block(block) for block in ("body", "event", "finished"))
+    body, whole, event, finished = (b.append_basic_block(block) for block in ("body", "whole", "event", "finished"))
     b.branch(head)
     b.position_at_end(head)
     index = b.phi(INT)
@@ -173,16 +171,18 @@ def _emit_loop(
     emitter.index, next_index = b.add(first, index), b.add(index, integer(1))
     emitter.is_estimated = b.icmp_unsigned("==", b.and_(emitter.index, integer(ESTIMATED_EVERY - 1)), integer(0))
     emitter.sample(emitter.index, time_of(emitter.index))  # also where an event is left to the caller
-    jumped = check.has_jumped(index, time_of(emitter.index))
     copy(b, size, y, before)
+    b.cbranch(check.begins_with_event(index, time_of(emitter.index), h), event, whole)
+
+    b.position_at_end(whole)
     emit_step(time_of(emitter.index))
     following = time_of(b.add(emitter.index, integer(1)))
     emitter.project(following, y)
     check.keep()
     check.read(following)
-    is_event = b.or_(check.ended(inputs, h), jumped)
+    ended = check.ended(inputs, h)
     index.add_incoming(next_index, b.block)
-    b.cbranch(is_event, event, head)
+    b.cbranch(ended, event, head)
 
     b.position_at_end(event)
     kept_size = steps.history + kept_at_start(size, guards.gaps, guards.rows)
@@ -194,6 +194,13 @@ def _emit_loop(
     finite = _emit_end(emitter, check, state, kept, sum_of_zeros)
     _leave(emitter, estimate, b.select(finite, count, integer(-1)))
     return function
+
+
+def _enter(emitter: StepEmitter, state: Value, estimate: Value, first: Value, count: Value) -> None:
+    b = emitter.b
+    copy(b, emitter.system.size, state, emitter.y)
+    b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
+    emitter.index, emitter.steps = first, count
 
 
 def _leave(emitter: StepEmitter, estimate: Value, result: Value) -> None:
@@ -252,7 +259,7 @@ class _Check:
         self._kept, self._negative = guards.gaps + rates, range(first, first + count)
         size = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
         in_registers = emitter.system.in_registers
-        self._jumped: Value = FALSE  # whether a jump of an input has made a force inadmissible at the start of a call
+        self._event: Value = FALSE  # whether a call begins with an event
         self._after = local_array(b, size, in_registers=in_registers)
         self._before = local_array(b, self._kept, in_registers=in_registers)
         self.slopes = emitter.vector("start_slopes")
@@ -264,7 +271,7 @@ class _Check:
         reported = [emitter.conditioning] if emitter.system.reports_conditioning else []
         self._b.call(self._function, [at, emitter.y, emitter.inputs, self.slopes, self._after, *reported])
 
-    def begin(self, t: Value, kept: Value) -> None:
+    def begin(self, t: Value, kept: Value, h: Value) -> None:
         """Begin a call: read what was kept at the end of the last one if it belongs to this state, or evaluate it.
 
         Actuators that are sampled change the state before each step, which then is read at its start.
@@ -272,7 +279,7 @@ class _Check:
         b, history = self._b, self._emitter.kept
         if history is None:
             if self._emitter.system.samples is None:
-                self._jumped = self._start(t)
+                self._event = self._start(t, h)
             return
         history.begin()
         with b.if_else(history.belongs, likely=True) as (known, unknown):
@@ -280,18 +287,18 @@ class _Check:
                 self._each_kept(kept, lambda size, inside, outside: copy(b, size, outside, inside))
                 was_known = b.block
             with unknown:
-                jumped = self._start(t)
+                found = self._start(t, h)
                 was_unknown = b.block
-        self._jumped = b.phi(BOOL)
-        self._jumped.add_incoming(FALSE, was_known)
-        self._jumped.add_incoming(jumped, was_unknown)
+        self._event = b.phi(BOOL)
+        self._event.add_incoming(FALSE, was_known)
+        self._event.add_incoming(found, was_unknown)
 
-    def has_jumped(self, index: Value, t: Value) -> Value:
-        """Whether the guard of a force is negative at the start of a step, the one with this index in the call."""
+    def begins_with_event(self, index: Value, t: Value, h: Value) -> Value:
+        """Whether a step, the one with this index in the call, begins with an event: see `_start`."""
         b = self._b
         if self._emitter.system.samples is None:
-            return b.and_(self._jumped, b.icmp_signed("==", index, integer(0)))
-        return self._start(t)
+            return b.and_(self._event, b.icmp_signed("==", index, integer(0)))
+        return self._start(t, h)
 
     def remember(self, kept: Value) -> None:
         """Keep the slopes and guards of this state for the next call."""
@@ -318,9 +325,8 @@ class _Check:
         found = FALSE
         for index, unit in zip(self._negative, units, strict=True):
             found = b.or_(found, b.fcmp_unordered("<", load(b, self._after, index), number(-tolerance * unit)))
-        for index, slip in enumerate(self._slips, self._negative.stop):
-            stiff = b.fcmp_unordered(">", b.fmul(h, load(b, self._after, index)), number(STIFF))
-            found = b.or_(found, b.or_(stiff, self._turns(slip, inputs)))
+        for index, slip in enumerate(self._slips):
+            found = b.or_(found, b.or_(self._is_stiff(index, h), self._turns(slip, inputs)))
         turning = FALSE
         for gap in range(gaps):
             turning = b.or_(turning, self._turns_back(gap))
@@ -333,10 +339,10 @@ class _Check:
         result.add_incoming(grazed, examined)
         return result
 
-    def _start(self, t: Value) -> Value:
+    def _start(self, t: Value, h: Value) -> Value:
         """Read what a step starts with; whether the guard of a force is negative, as after a jump of an input.
 
-        Gaps that are open do not jump.
+        Gaps that are open do not jump. The same where friction could turn a slip by much within the step.
         """
         self.read(t)
         b, guards, found = self._b, self._guards, FALSE
@@ -346,7 +352,15 @@ class _Check:
                 mode = load(b, self._emitter.inputs, guards.first_mode + place)
                 negative = b.and_(negative, b.fcmp_unordered("!=", mode, number(0.0)))
             found = b.or_(found, negative)
+        for index in range(len(self._slips)):
+            found = b.or_(found, self._is_stiff(index, h))
         return found
+
+    def _is_stiff(self, slip: int, h: Value) -> Value:
+        """Whether friction could turn a slip by much within a step, with the rate that was read last."""
+        b = self._b
+        rate = load(b, self._after, self._negative.stop + slip)
+        return b.fcmp_unordered(">", b.fmul(h, rate), number(STIFF))
 
     def _turns_back(self, gap: int) -> Value:
         """Whether a gap becomes smaller at the start of the step and larger at its end."""

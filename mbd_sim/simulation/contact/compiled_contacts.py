@@ -184,8 +184,8 @@ class CompiledContacts:
         :raises BaseException: what was raised by functions that compiled code calls.
         """
         events, counts = self._results
-        addresses = (each.ctypes.data for each in (estimate, events, counts))
-        library().advance(self._address, y.ctypes.data, inputs.ctypes.data, first, h, n, *addresses)
+        addresses = (address(each) for each in (estimate, events, counts))
+        library().advance(self._address, address(y), address(inputs), first, h, n, *addresses)
         self.check()
         return bool(counts[1] == step.DONE)
 

@@ -17,19 +17,20 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     READ,
     START,
     Contacts,
-    guard_at,
     read,
     readings_size,
 )
 from mbd_sim.simulation.contact.compiled.instant.linear import solve
-from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, hypot, slip, with_directions
+from mbd_sim.simulation.contact.compiled.nodes import keep_guards, lagrange
+from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, forward, hypot, slip, with_directions
 
 ANGLE = 1e-5  # tangent of the angle for derivatives by directions
 MOST_SWEEPS = 40
+SLOW = 4  # sweeps that halve the change at least, or else a shorter length is tried
 MOST_TOGETHER = 32  # elements whose directions are corrected together
-EXACT = 1e-13  # of natural units, change by a sweep after which no other is needed
-SHARE = 1e-2  # of the error of a motion that is enough, the same
-CONVERGED = 1e-11  # the same where sweeps change no less, because of round-off
+EXACT = 1e-13  # of natural units, change that the next sweep should make, with which it is not needed
+SHARE = 3e-2  # of the error of a motion that is enough, the same
+CONVERGED = 1e-11  # of natural units, change by a sweep where sweeps change no less, because of round-off
 DIVERGED = 1e3
 MISSED = 5e-4  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
 EARLY = 0.1  # of what is missed, a change by a sweep after which a length that is too long is known to be so
@@ -43,50 +44,59 @@ def collocated(
     :param enough: an error with which the motion is not used; then it may be found from fewer sweeps.
     """
     across, along, error, change, last = zeros(STAGES * c.pairs), zeros(STAGES * c.pairs), math.inf, 0.0, math.inf
-    projected, time = zeros(c.size), zeros(1)
+    projected, time, rate, left, before = zeros(c.size), zeros(1), 1.0, math.inf, math.inf
     exact = max(EXACT, SHARE * enough) if enough < math.inf else EXACT
     guess(c, s, length)
-    for _ in range(MOST_SWEEPS):
-        change = sweep(c, s, y, inputs, t, length, across, along)
-        if not change < DIVERGED:
+    for count in range(MOST_SWEEPS):
+        change = sweep(c, s, y, inputs, t, length, count == 0 and s.base[0] == 0.0, across, along)
+        if not change < DIVERGED or (count % SLOW == SLOW - 1 and change > 0.5 * before):
             return math.inf
+        before = change if count % SLOW == SLOW - 1 else before
         error = MISSED * length * missed(c, s)
-        if change <= exact or (change <= CONVERGED and change > 0.5 * last):
+        left = change * min(1.0, max(rate, change / last))  # by the worse one of the last two rates of convergence
+        rate = change / last
+        if left <= exact or (change <= CONVERGED and change > 0.5 * last):
             break
         if error > enough and change < EARLY * error / MISSED:
             break
         last = change
         correct(c, s, length, across, along)
-    if change > CONVERGED and not error > enough:
+    if left > max(exact, CONVERGED) and not error > enough:
         return math.inf
+    correct(c, s, length, across, along)
     time[0] = t + length
-    for i in range(c.size):
-        state[i] = y[i] + length * weighted(c, s, STAGES, i)
+    state_at(c, s, y, length, STAGES, state)
     READ(c.project, time, state, inputs, projected)
     for i in range(c.size):
         state[i] = projected[i]
     return error
 
 
-def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float) -> bool:
-    """Find the slopes at the start; False where the constraints are ill-conditioned."""
-    time, readings = zeros(1), zeros(readings_size(c))
+def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, readings: Array) -> bool:
+    """Find the slopes and the readings at the start; False where the constraints are ill-conditioned."""
+    time = zeros(1)
     time[0] = t
     s.base[0] = 0.0
     with_directions(c, s, inputs, s.directions)
-    return START(c.start, time, y, s.given, s.slopes, readings[1:]) > 0
+    is_conditioned = START(c.start, time, y, s.given, s.slopes, readings[1:]) > 0
+    keep_guards(c, s, 0, readings)
+    for k in range(c.frictions):
+        if s.turning[k]:
+            s.kept[c.guards + k] = forward(c, s, readings, k)
+    return is_conditioned
 
 
-def find_effects(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float) -> None:
+def find_effects(
+    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, readings: Array
+) -> None:  # fmt: skip
     """Find how slopes and slips at the start change with the directions.
 
     :param length: a typical one in s.
+    :param readings: at the start.
     """
     time, moved, state, column, row = zeros(1), zeros(c.size), zeros(c.size), 0, 0
-    readings, after = zeros(readings_size(c)), zeros(readings_size(c))
-    pairs = number_of(c, s.all)
+    after, pairs = zeros(readings_size(c)), number_of(c, s.all)
     time[0] = t
-    read(c, t, y, inputs, readings)
     for k in range(c.frictions):
         if s.turning[k]:
             x, z = s.directions[2 * k], s.directions[2 * k + 1]
@@ -96,10 +106,10 @@ def find_effects(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, len
             s.directions[2 * k], s.directions[2 * k + 1] = x, z
             for i in range(c.size):
                 state[i] = y[i]
-            for i in range(c.speeds):
-                at = c.first_speed + i
-                s.turned[column * c.speeds + i] = (moved[at] - s.slopes[at]) / ANGLE
-                state[at] += length * s.turned[column * c.speeds + i]
+            for i in range(c.size):
+                s.turned[column * c.size + i] = (moved[i] - s.slopes[i]) / ANGLE
+            for i in range(c.first_speed, c.first_speed + c.speeds):
+                state[i] += length * s.turned[column * c.size + i]
             read(c, t, state, inputs, after)
             row = 0
             for other in range(c.frictions):
@@ -150,49 +160,40 @@ def remember(c: Contacts, s: Sliding, length: float) -> None:
         s.known_turns[i] = s.turns[i]
 
 
-def lagrange(c: Contacts, first: int, x: float, weights: Array) -> None:
-    """The weights with which values at the nodes from the `first` on, of which 0 is the one at 0, give that at x."""
-    for j in range(first, STAGES + 1):
-        weights[j] = 1.0
-        for k in range(first, STAGES + 1):
-            if k != j:
-                weights[j] *= (x - c.radau[k]) / (c.radau[j] - c.radau[k])
-
-
-def weighted(c: Contacts, s: Sliding, stage: int, i: int) -> float:
-    """The mean slope of a component up to a node, times the node."""
-    found, first = 0.0, STAGES + 1 + (stage - 1) * STAGES
-    for j in range(STAGES):
-        found += c.radau[first + j] * s.slopes[(j + 1) * c.size + i]
-    return found
+def state_at(c: Contacts, s: Sliding, y: Array, length: float, stage: int, state: Array) -> None:
+    """The state at a node, by the mean slopes up to it."""
+    size, slopes, shares, change = c.size, s.slopes[c.size :], c.radau[STAGES + 1 + (stage - 1) * STAGES :], 0.0
+    for i in range(size):
+        change = 0.0
+        for j in range(STAGES):
+            change += shares[j] * slopes[j * size + i]
+        state[i] = y[i] + length * change
 
 
 def sweep(
-    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, across: Array, along: Array
-) -> float:
+    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, guessed: bool, across: Array,
+    along: Array,
+) -> float:  # fmt: skip
     """Evaluate the slopes at all nodes, and the slips across and along the directions of friction there.
+
+    :param guessed: the slopes are those at the start; then they change linearly behind the last node.
 
     The result is the largest change of the state by new slopes, or slip across a direction, in natural units.
     """
-    time, state, slopes, readings = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c))
-    found, speed, place = 0.0, min(1.0, c.unit_speed), min(1.0, c.unit_speed / c.unit_rate)
-    s.crossed[0] = 0
+    time, state, slopes, readings, found = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c)), 0.0
     for stage in range(1, STAGES + 1):
-        for i in range(c.size):
-            state[i] = y[i] + length * weighted(c, s, stage, i)
-        directions, first = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs
+        state_at(c, s, y, length, stage, state)
+        directions, first, old = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs, s.slopes[stage * c.size :]
         with_directions(c, s, inputs, directions)
         time[0] = t + c.radau[stage] * length
         START(c.start, time, state, s.given, slopes, readings[1:])
+        found = max(found, length * difference(c, slopes, old))
+        for later in range(stage + 1, STAGES + 1 if guessed else 0):
+            for i in range(c.size):
+                s.slopes[later * c.size + i] += c.radau[later] / c.radau[stage] * (slopes[i] - old[i])
         for i in range(c.size):
-            change = abs(slopes[i] - s.slopes[stage * c.size + i]) * length
-            unit = place if i < c.first_speed else speed
-            if i < c.first_speed + c.speeds and not change <= found * unit:
-                found = change / unit if math.isfinite(change) else math.inf
-            s.slopes[stage * c.size + i] = slopes[i]
-        for k in range(c.guards):
-            if s.crossed[0] == 0 and readings[guard_at(c, k)] < -c.tolerance and not s.left_out[k]:
-                s.crossed[0] = stage
+            old[i] = slopes[i]
+        keep_guards(c, s, stage, readings)
         row = first
         for k in range(c.frictions):
             if s.turning[k]:
@@ -200,23 +201,36 @@ def sweep(
                 across[row] = slip(c, readings, k, 1) * x - slip(c, readings, k, 0) * z
                 along[row] = slip(c, readings, k, 0) * x + slip(c, readings, k, 1) * z
                 found = max(found, abs(across[row]) / c.unit_speed)
-                if s.crossed[0] == 0 and along[row] < 0.0:
-                    s.crossed[0] = stage
+                s.kept[stage * (c.guards + c.frictions) + c.guards + k] = along[row]
                 row += 1
     return found
 
 
 def missed(c: Contacts, s: Sliding) -> float:
     """By how much the polynomial through the slopes at the nodes misses those at the start, in natural units."""
-    weights, found, speed, place = zeros(STAGES + 1), 0.0, min(1.0, c.unit_speed), c.unit_speed / c.unit_rate
-    place = min(1.0, place)
+    weights, value = zeros(STAGES + 1), zeros(c.size)
     lagrange(c, 1, 0.0, weights)
-    for i in range(c.first_speed + c.speeds):
-        value = -s.slopes[i]
-        for j in range(1, STAGES + 1):
-            value += weights[j] * s.slopes[j * c.size + i]
-        found = max(found, abs(value) / (place if i < c.first_speed else speed))
-    return found
+    for j in range(1, STAGES + 1):
+        for i in range(c.size):
+            value[i] += weights[j] * s.slopes[j * c.size + i]
+    return difference(c, value, s.slopes)
+
+
+def difference(c: Contacts, slopes: Array, others: Array) -> float:
+    """The largest difference of slopes of coordinates and speeds, in natural units; infinite if it is not a number."""
+    place, speed = 0.0, 0.0
+    for i in range(c.first_speed):
+        place = larger(place, abs(slopes[i] - others[i]))
+    for i in range(c.first_speed, c.first_speed + c.speeds):
+        speed = larger(speed, abs(slopes[i] - others[i]))
+    return max(place / min(1.0, c.unit_speed / c.unit_rate), speed / min(1.0, c.unit_speed))
+
+
+def larger(one: float, other: float) -> float:
+    """The larger one of two numbers that are not negative; infinite if the other is not a number."""
+    if other <= one:
+        return one
+    return other if math.isfinite(other) else math.inf
 
 
 def correct(c: Contacts, s: Sliding, length: float, across: Array, along: Array) -> None:
@@ -250,8 +264,8 @@ def correct_some(
             if s.turning[k] and first <= number and number < first + count:
                 angle = min(1.0, max(-1.0, angles[stage * count + number - first]))
                 rotate(s.turns[(stage + 1) * m :], k, angle)
-                for i in range(c.speeds):
-                    s.slopes[(stage + 1) * c.size + c.first_speed + i] += angle * s.turned[number * c.speeds + i]
+                for i in range(c.size):
+                    s.slopes[(stage + 1) * c.size + i] += angle * s.turned[number * c.size + i]
             number += s.turning[k]
 
 

@@ -16,7 +16,9 @@ from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
 from mbd_sim.simulation.contact.compiled import (
     collocation,
+    lengths,
     members,
+    nodes,
     pairs,
     search,
     sliding,
@@ -59,10 +61,12 @@ MODULES: tuple[ModuleType, ...] = (
     flat_rims,
     forces,
     impact,
+    lengths,
     linear,
     meetings,
     members,
     modes,
+    nodes,
     normals,
     outlines,
     pairs,

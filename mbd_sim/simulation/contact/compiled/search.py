@@ -18,6 +18,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     rate_at,
     read,
     read_poses,
+    readings_size,
 )
 from mbd_sim.simulation.contact.compiled.pairs import (
     AREA,
@@ -43,7 +44,9 @@ from mbd_sim.simulation.contact.compiled.sliding import Sliding, forward
 ITERATIONS = 80
 NEAREST_START = 2.0**-40  # of a length, up to which a positive value is sought after a start at zero
 BACKTRACK = 0.5  # of a length, in this search
-LONG_BACKTRACK = 2.0**-4  # the same in motions that are found by collocation, which cost more
+LONG_BACKTRACK = 2.0**-4  # the same where friction has two directions: such motions cost more
+WITHIN = 0.1  # of the tolerance of a guard, where collocation finds its zero: what a gap lacks there costs energy
+RESOLUTION = 2.0**-52  # of the time, within which instants are not distinguished there
 # Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
 # values and rates falls by less than 8/27 of it.
 FALLING = 10.0
@@ -100,7 +103,15 @@ def begin(c: Contacts, m: TrialPart, length: float) -> None:
 def finish(c: Contacts, m: TrialPart, length: float) -> None:
     """Let the motion end after another length."""
     m.span[0] = length
-    try_length(c, m, length, m.end, m.after, m.places_after)
+    if length != m.latest[0]:
+        try_length(c, m, length, m.end, m.after, m.places_after)
+        return
+    for i in range(c.size):
+        m.end[i] = m.state[i]
+    for i in range(readings_size(c)):
+        m.after[i] = m.out[i]
+    for i in range(c.places):
+        m.places_after[i] = m.places[i]
 
 
 def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Array, places: Array) -> None:
@@ -184,7 +195,7 @@ def first_zero(
     """
     low, f_low, high, f_high = 0.0, start, length, end
     if not f_low > tolerance:
-        probe, share = length, LONG_BACKTRACK if m.sliding.is_collocated[0] else BACKTRACK
+        probe, share = length, LONG_BACKTRACK if c.pairs else BACKTRACK
         while probe > NEAREST_START * length:
             probe *= share
             found = value_of(c, m, probe, what, index)
@@ -192,26 +203,28 @@ def first_zero(
                 low, f_low = probe, found
                 break
             high, f_high = probe, found
+            if found >= -tolerance:  # nearer to the start nothing can be told from round-off
+                break
         if low == 0.0:
             return 0.0
-    best, least, enough = high, abs(f_high), ENOUGH * c.accuracy if what in (BESIDE, FEATURES) else 0.0
+    best, least = high, abs(f_high)
     if abs(f_low) < abs(f_high):
         best, least = low, f_low
-    if what == FORWARD:  # up to a slip that has no direction
-        enough = c.slow
-    side = 0
+    above, below = enough_above(c, m, what, tolerance), enough_below(c, m, what, tolerance)
+    shortest, side = RESOLUTION * (m.t + length) if c.pairs else 0.0, 0
     for count in range(ITERATIONS):
         middle = (low * f_high - high * f_low) / (f_high - f_low)
         if count % 4 == 3 or not low < middle < high:
             middle = 0.5 * (low + high)
-        if middle in (low, high):
+        middle = max(low + shortest, min(high - shortest, middle))
+        if not low < middle < high:
             break
         found = value_of(c, m, middle, what, index)
         if not math.isfinite(found):
             break
         if abs(found) < least:
             best, least = middle, abs(found)
-        if 0.0 <= -found <= enough:
+        if -below <= found <= above:
             return middle
         if found > 0.0:
             if side > 0:
@@ -224,6 +237,20 @@ def first_zero(
                 f_low *= factor if factor > 0.0 else 0.5
             high, f_high, side = middle, found, -1
     return best if least <= tolerance else high
+
+
+def enough_below(c: Contacts, m: TrialPart, what: int, tolerance: float) -> float:
+    """How negative a value may be where it counts as zero."""
+    if what in (BESIDE, FEATURES):
+        return ENOUGH * c.accuracy
+    return enough_above(c, m, what, tolerance)
+
+
+def enough_above(c: Contacts, m: TrialPart, what: int, tolerance: float) -> float:
+    """How large a value may be where it counts as zero: a slip without a direction, or the error of collocation."""
+    if what == FORWARD:
+        return c.slow
+    return WITHIN * tolerance if m.sliding.is_collocated[0] else 0.0
 
 
 def earlier(c: Contacts, m: TrialPart, what: int, index: int, first: float) -> float:

@@ -18,18 +18,17 @@ class Sliding:
 
     Their `directions` (2 frictions,) at the start can be constant in a motion with other inputs, `given`; `inputs` are
     those of the motion that is followed. If `is_collocated[0]` is 1, that is found by collocation: the `slopes` (stages
-    + 1, n) at the start and at the nodes, with the directions `turns` (stages + 1, 2 frictions). The rates of speeds
-    change with the direction of each element that turns by `turned` (pairs, speeds) in 1/s² or m/s² per rad, and those
-    of slip across the directions by `effects` (pairs, pairs) in m/s² per rad. The `known` slopes and `known_turns` are
-    those of a motion of the length `base[0]`, if that is positive. The first node at which a guard is negative that is
-    not among those `left_out` (guards,), or a slip has reversed, is `crossed[0]`, or 0.
+    + 1, n) at the start and at the nodes, with the directions `turns` (stages + 1, 2 frictions). Slopes change with the
+    direction of each element that turns by `turned` (pairs, n) per rad, and those of slip across the directions by
+    `effects` (pairs, pairs) in m/s² per rad. The `known` slopes and `known_turns` are those of a motion of the length
+    `base[0]`, if that is positive. At the start and the nodes, `kept` (stages + 1, guards + frictions) are the guards,
+    of which those `left_out` (guards,) make no event, and the slips of what turns along their directions.
     """
 
     all: Integers
     left_out: Integers
     turning: Integers
     is_collocated: Integers
-    crossed: Integers
     directions: Array
     given: Array
     inputs: Array
@@ -40,6 +39,7 @@ class Sliding:
     known: Array
     known_turns: Array
     base: Array
+    kept: Array
 
 
 def is_pair(c: Contacts, element: int) -> bool:

@@ -20,6 +20,16 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     slides,
     turning_at,
 )
+from mbd_sim.simulation.contact.compiled.lengths import (
+    ACCURATE,
+    LONGER,
+    SHORTER,
+    length_of_transient,
+    length_to_stop,
+    share_with,
+    turns_little,
+)
+from mbd_sim.simulation.contact.compiled.nodes import first_crossing
 from mbd_sim.simulation.contact.compiled.search import (
     FORWARD,
     NONE,
@@ -48,13 +58,10 @@ STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
 CURVED = 1e-8  # part of a change of slip across it, with the slopes at the start, beyond which it is not straight
 STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its direction
 NOISE = 1e-15  # of the natural speed, in slip
-SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
-LEAST = 0.05  # of a length whose error is too large
-BEYOND = 1.02  # of the length up to a stop, as the slopes at the start tell it, that a motion may have
-NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
-ACCURATE = 1e-9  # of natural units, error of such a motion
-LONGER = 4.0  # than the last part of a step that a next one may be
+NEARLY = 0.999  # of a length, from which on a guard that becomes negative needs no shorter one
+AFTER = 1.0 + 1e-6  # of the length up to where a guard becomes negative, that a motion has
+GROWTH = 1.7  # of the length that would have been accurate: after a transient, the next one can be longer
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
@@ -92,9 +99,10 @@ def stage_within(
     for guard in range(c.guards):
         left_out[guard] = ignored[guard]
     s = Sliding(
-        integers(c.frictions), left_out, integers(c.frictions), integers(1), integers(1), zeros(2 * c.frictions),
-        zeros(count), zeros(count), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(pairs * c.speeds),
+        integers(c.frictions), left_out, integers(c.frictions), integers(1), zeros(2 * c.frictions),
+        zeros(count), zeros(count), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(pairs * c.size),
         zeros(pairs * pairs), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(1),
+        zeros(many * (c.guards + c.frictions)),
     )  # fmt: skip
     own, n = inputs, readings_size(c)
     before = zeros(n)
@@ -115,7 +123,7 @@ def stage_within(
     m.span[0] = min(length, first_length)
     found[2] = LONGER * m.span[0] if first_length < length else math.inf
     if pairs:
-        found[2] = follow(c, m, found[2])
+        found[2] = follow(c, m, found[2], first_length == math.inf)
         first = stop_of(c, m)
     else:
         read_poses(c, t, y, inputs, m.places_before)
@@ -201,7 +209,7 @@ def turn(c: Contacts, readings: Array, inputs: Array, s: Sliding) -> None:
                     inputs[at] = slip(c, readings, k, direction) / speed
 
 
-def follow(c: Contacts, m: TrialPart, following: float) -> float:
+def follow(c: Contacts, m: TrialPart, following: float, is_first: bool) -> float:
     """Take the motion in which slips do not turn much, keep their directions, or are turned by friction.
 
     The result is the length to try next, which is `following` where turning does not limit that.
@@ -214,17 +222,20 @@ def follow(c: Contacts, m: TrialPart, following: float) -> float:
         finish(c, m, length)
         if not find_turning(c, m, length):
             return following
-    if begin_slopes(c, m.sliding, m.y, m.inputs, m.t):
-        ahead = zeros(readings_size(c))
+    ahead, start = zeros(readings_size(c)), zeros(readings_size(c))
+    if begin_slopes(c, m.sliding, m.y, m.inputs, m.t, start):
         begin_ahead(c, m, length, ahead)
         if may_keep_straight(c, m, ahead) and keeps_straight(c, m):
             return following
-        find_effects(c, m.sliding, m.y, m.inputs, m.t, length)
-        longer = along_turning(c, m, length_to_stop(c, m, length, ahead))
+        find_effects(c, m.sliding, m.y, m.inputs, m.t, length, start)
+        length = length_to_stop(c, m, length, ahead)
+        if is_first:
+            length = length_of_transient(c, m, length, ahead)
+        longer = along_turning(c, m, length)
         if longer > 0.0:
             return longer
     m.failed[0] = 0
-    finish(c, m, length)
+    finish(c, m, m.span[0])
     resolve_turning(c, m)
     return AS_LONG * m.span[0]
 
@@ -271,18 +282,6 @@ def may_keep_straight(c: Contacts, m: TrialPart, ahead: Array) -> bool:
             if most > CURVED * change_of_slip(c, m.before, ahead, k) + noise:
                 return False
     return True
-
-
-def length_to_stop(c: Contacts, m: TrialPart, length: float, ahead: Array) -> float:
-    """A length, or little more than that up to a stop of a slip that turns, as the slopes at the start tell it."""
-    found = length
-    for k in range(c.frictions):
-        speed = speed_of(c, m.before, k)
-        if m.sliding.turning[k] and speed > c.slow:
-            slowing = (speed - forward(c, m.sliding, ahead, k)) / length
-            if slowing > 0.0:
-                found = min(found, BEYOND * speed / slowing)
-    return found
 
 
 def keeps_straight(c: Contacts, m: TrialPart) -> bool:
@@ -337,35 +336,18 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
             remember(c, s, length)
         if error <= ACCURATE:
             read(c, m.t + length, m.end, m.inputs, m.after)
-            if 0 < s.crossed[0] < STAGES:
-                share = c.radau[s.crossed[0]]
+            crossing = first_crossing(c, s)
+            if 0.0 < crossing < NEARLY:
+                share = AFTER * crossing
             elif turns_little(c, m):
                 read_poses(c, m.t + length, m.end, m.inputs, m.places_after)
                 s.is_collocated[0], m.span[0] = 1, length
-                return share * length
+                return GROWTH * share * length
             else:
                 share = SHORTENING
         length *= share
     s.is_collocated[0] = 0
     return 0.0
-
-
-def share_with(error: float) -> float:
-    """The share of a length in which a motion should be accurate, from its error."""
-    ratio = ACCURATE / max(error, 1e-6 * ACCURATE)
-    root = math.sqrt(math.sqrt(math.sqrt(ratio)))
-    return min(LONGER, max(LEAST, SHORTER * root * math.sqrt(root)))
-
-
-def turns_little(c: Contacts, m: TrialPart) -> bool:
-    """Whether no slip has turned so far that its direction would count as reversed."""
-    for k in range(c.frictions):
-        if m.sliding.turning[k]:
-            x, y = m.sliding.directions[2 * k], m.sliding.directions[2 * k + 1]
-            along = slip(c, m.after, k, 0) * x + slip(c, m.after, k, 1) * y
-            if abs(along) < NEAR * speed_of(c, m.after, k):
-                return False
-    return True
 
 
 def resolve_turning(c: Contacts, m: TrialPart) -> None:

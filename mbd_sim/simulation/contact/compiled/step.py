@@ -27,10 +27,11 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
 )
 from mbd_sim.simulation.contact.compiled.instant.impact import impact
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, find_modes, is_touching
+from mbd_sim.simulation.contact.compiled.lengths import LONGER
 from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
 from mbd_sim.simulation.contact.compiled.sliding import Sliding
-from mbd_sim.simulation.contact.compiled.slip import EVENT, LONGER, stage
+from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step
@@ -124,8 +125,8 @@ def may_change(c: Contacts, inputs: Array, before: Array, after: Array) -> bool:
 def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> bool:
     """Whether two bodies meet or features change in a step from a state to another, or this is not known."""
     n, s = readings_size(c), Sliding(
-        integers(0), integers(0), integers(0), integers(1), integers(1), zeros(0), zeros(0), zeros(0), zeros(0),
-        zeros(0), zeros(0), zeros(0), zeros(0), zeros(0), zeros(1),
+        integers(0), integers(0), integers(0), integers(1), zeros(0), zeros(0), zeros(0), zeros(0), zeros(0), zeros(0),
+        zeros(0), zeros(0), zeros(0), zeros(1), zeros(0),
     )  # fmt: skip
     m = TrialPart(
         before, inputs, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n),
