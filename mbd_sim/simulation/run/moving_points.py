@@ -77,9 +77,8 @@ def _frame(motions: Mapping[str, PartMotion], part: str, pose: Pose) -> tuple[Po
     """The pose, velocity and angular velocity of a frame of a part, or of ground, in ground's frame."""
     if part == GROUND:
         return identity_pose() @ pose, np.zeros(3), np.zeros(3)
-    motion = motions[part]
-    velocity = motion.velocity + np.cross(motion.angular_velocity, motion.pose.rotation @ pose.position)
-    return motion.pose @ pose, velocity, motion.angular_velocity
+    motion = motions[part].of(pose)
+    return motion.pose, motion.velocity, motion.angular_velocity
 
 
 class MovingPoint:

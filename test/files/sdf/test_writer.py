@@ -95,6 +95,13 @@ def test_a_loop_is_written_where_it_is_closed():
     compare(mechanism, second, states, offsets=equations.start.q, tolerance=1e-9)
 
 
+def test_limits_of_joints_of_a_loop_count_from_where_it_is_closed():
+    limits = "    position: 90 deg\n    limits: {lower: -10 deg, upper: 200 deg}\n"
+    text = load_mechanism("four_bar").source.text.replace("    position: 90 deg\n", limits, 1)
+    (found,) = again(parse_mechanism(text)).joints["crank_pivot"].limits
+    assert np.degrees([found.lower, found.upper]) == pytest.approx([-100.0, 110.0], rel=1e-12)
+
+
 def test_what_was_read_is_written_and_read_again():
     first, rng = parse_mechanism(ROBOT), np.random.default_rng(5)
     compare(first, again(first), [random_state(first, rng) for _ in range(2)])
