@@ -279,14 +279,17 @@ def grazing(c: Contacts, m: TrialPart, gap: int, first: float) -> float:
 
 def first_change(c: Contacts, m: TrialPart, first: float, exact: bool) -> float:
     """Where two bodies meet or features change, if that is before the `first` event; if not `exact`, somewhat later."""
-    end = m.span[0] if first < 0.0 else first
-    for index in range(c.body_pairs):
-        if end == 0.0:
+    end, latest, found = m.span[0] if first < 0.0 else first, -1, NONE
+    for _ in range(c.body_pairs if exact else 1):  # at an earlier end, others may be within each other
+        for index in range(c.body_pairs):
+            if end == 0.0 or index == latest:  # nothing is earlier
+                return DIVERGED if has_failed(m) else first
+            if may_meet(c, pair_at(c, index), m.inputs, m.places_before, places_at(c, m, end)):
+                found = change_of(c, m, index, end, exact)
+                if found >= 0.0:
+                    first, end, latest = found, found, index
+        if latest < 0:
             break
-        if may_meet(c, pair_at(c, index), m.inputs, m.places_before, places_at(c, m, end)):
-            found = change_of(c, m, index, end, exact)
-            if found >= 0.0:
-                first, end = found, found
     return DIVERGED if has_failed(m) else first
 
 
