@@ -173,7 +173,8 @@ def _resting(
     impulses, own, rates = np.zeros(model.layout.rows), matrix[rows][:, rows], readings.rates[rows]
     found = least_solution(own, -rates, model.compliance[rows])
     loss = 0.5 * added((found * -rates).tolist())
-    slow = 0.5 * added(rest[row] ** 2 / matrix[row, row] for row in rows if matrix[row, row] > 0.0)
+    fastest = np.maximum(np.abs(readings.rates), rest)
+    slow = 0.5 * added(fastest[row] ** 2 / matrix[row, row] for row in rows if matrix[row, row] > 0.0)
     after = np.abs(rates + product(own, found))
     if loss > SMALL * slow or np.any(after > RESTING * model.speeds[rows]):
         return None
