@@ -50,6 +50,8 @@ FALLING = 10.0
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
 ENOUGH = 1e-4  # of the tolerance, up to which a change of features is where it is sought
+NOISE = 5e-3  # of the tolerance, below which round-off in the positions of bodies may prevent that
+FINE = 4  # attempts on both sides of which values are below it
 DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
 # What is to become zero: a guard, a gap in its unit, the rate at which a gap closes, the distance of two bodies, what
 # says that they meet beside their closed slots, or that the features of these change, the slip of friction along its
@@ -194,12 +196,11 @@ def first_zero(
             high, f_high = probe, found
         if low == 0.0:
             return 0.0
-    best, least, enough = high, abs(f_high), ENOUGH * c.accuracy if what in (BESIDE, FEATURES) else 0.0
+    best, least, accuracy = high, abs(f_high), c.accuracy if what in (BESIDE, FEATURES) else 0.0
     if abs(f_low) < abs(f_high):
         best, least = low, f_low
-    if what == FORWARD:  # up to a slip that has no direction
-        enough = c.slow
-    side = 0
+    enough = c.slow if what == FORWARD else ENOUGH * accuracy  # a slip up to that has no direction
+    side, fine, above, below = 0, 0, abs(f_low), abs(f_high)
     for count in range(ITERATIONS):
         middle = (low * f_high - high * f_low) / (f_high - f_low)
         if count % 4 == 3 or not low < middle < high:
@@ -213,12 +214,17 @@ def first_zero(
             best, least = middle, abs(found)
         if 0.0 <= -found <= enough:
             return middle
+        fine += 1 if max(above, below) <= NOISE * accuracy else 0
+        if fine > FINE:
+            break
         if found > 0.0:
+            above = found
             if side > 0:
                 factor = 1.0 - found / f_low
                 f_high *= factor if factor > 0.0 else 0.5
             low, f_low, side = middle, found, 1
         else:
+            below = -found
             if side < 0:
                 factor = 1.0 - found / f_high
                 f_low *= factor if factor > 0.0 else 0.5

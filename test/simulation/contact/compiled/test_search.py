@@ -1,8 +1,11 @@
 """Which of several events within one step is the first one."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.simulation.contact.compiled import search
 
 MEETS, PARTS, STRIKES = 0.0003, 0.0016, 0.001  # s, within a step of 2 ms
 RISE = 1e-3  # m/s
@@ -37,3 +40,25 @@ def test_bodies_that_meet_before_others_and_part_within_the_step_meet_first(orde
     first = simulation.contact_events[0]
     assert first.time == pytest.approx(MEETS, abs=1e-11)
     assert any(event.time == pytest.approx(STRIKES, abs=1e-11) for event in simulation.contact_events)
+
+
+@pytest.mark.parametrize("round_off", [1e-19, 2e-16, 1e-15])
+def test_the_place_of_a_zero_is_not_sought_within_round_off(monkeypatch, round_off):
+    """Falls and rebounds; each value costs a part of a step. Down to adjacent numbers it took 40 attempts more."""
+    worst = 0
+    for speed in (1e-4, 1e-2, 1.0):
+        tried = []
+
+        def gap(c, m, length, what, index, speed=speed, tried=tried):
+            tried.append(length)
+            exact = 1e-6 * speed - speed * length - 5.0 * length**2
+            return round_off * (round(exact / round_off) + 0.5)
+
+        monkeypatch.setattr(search, "value_of", gap)
+        motion = SimpleNamespace(sliding=SimpleNamespace(is_collocated=[0]))
+        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0)
+        ends = gap(contacts, motion, 0.0, 0, 0), gap(contacts, motion, 2e-3, 0, 0)
+        found = search.first_zero(contacts, motion, search.BESIDE, 0, 2e-3, *ends, 0.0)
+        assert -2e-15 <= gap(contacts, motion, found, 0, 0) <= 0.0
+        worst = max(worst, len(tried))
+    assert worst <= 30
