@@ -221,7 +221,7 @@ def test_a_rim_above_a_thin_body_is_as_far_as_its_lowest_point(under, kind, orde
         assert height - 1.1 * lower <= pair.distance(*poses) <= height
 
 
-@pytest.mark.parametrize(("order", "tilt"), ((1, 0.0), (-1, 1e-7), (1, 1e-4), (-1, 0.006)))
+@pytest.mark.parametrize(("order", "tilt"), ((1, 0.0), (-1, 1e-7), (1, 1e-4), (-1, 0.006), (1, 0.03), (-1, 0.06)))
 def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(order, tilt):
     """The row of a crossing stays on the rim and on the edge, with the rate of its gap, as both bodies move."""
     chance, half, radius = np.random.default_rng(11), np.array([0.6, 0.2, 0.1]), 0.25
