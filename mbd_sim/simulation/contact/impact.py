@@ -70,12 +70,9 @@ def impact(
     ]
     resting = [gap for gap in gaps if abs(rates[gap]) <= slow[gap] or returning[gap]]
     if np.all(rates[gaps] >= -slow[gaps]) and resting:
-        own = [rows for rows, gap, _ in frictions if gap in resting]
-        slip = [row for rows in own for row in rows if abs(readings.rates[row]) <= rest[row]]
-        for rows in ([*resting, *slip], resting):
-            if (found := _resting(model, readings, terms.matrix, rows, rest)) is not None:
-                impulses, loss = found
-                return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)
+        own = [row for rows, gap, _ in frictions if gap in resting for row in rows]
+        if (found := _slow_at_rest(model, readings, terms.matrix, resting, own, rest)) is not None:
+            return Impact(found[0], model.response(time, y, inputs, found[0]), max(found[1], 0.0), 1.0)
     chosen = [*gaps, *(row for rows, _, _ in frictions for row in rows)]
     place = {row: position for position, row in enumerate(chosen)}
     limits = [FrictionLimit(tuple(place[row] for row in rows), place[gap], size) for rows, gap, size in frictions]
@@ -157,6 +154,15 @@ def largest_factor(loss: Callable[[float], float], last: float, enough: float) -
             f_low *= 0.5 if side < 0 else 1.0
             high, f_high, side = middle, found, -1
     return low
+
+
+def _slow_at_rest(
+    model: OneSidedModel, readings: OneSidedReadings, matrix: Array, gaps: list[int], friction: list[int], rest: Array
+) -> tuple[Array, float] | None:
+    """As `_resting`, of these gaps with the slow rows of their friction, or of the gaps alone."""
+    slip = [row for row in friction if abs(readings.rates[row]) <= rest[row]]
+    tried = (_resting(model, readings, matrix, rows, rest) for rows in ([*gaps, *slip], gaps))
+    return next((found for found in tried if found is not None), None)
 
 
 def _resting(
