@@ -16,8 +16,9 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
-from mbd_sim.simulation.contact.compiled.instant.impact import JAMMED
-from mbd_sim.simulation.contact.complementarity import least_solution
+from mbd_sim.simulation.contact.candidates import RESTING
+from mbd_sim.simulation.contact.compiled.instant.impact import JAMMED, SMALL
+from mbd_sim.simulation.contact.complementarity import least_solution, product
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 
@@ -69,9 +70,9 @@ def impact(
     ]
     resting = [gap for gap in gaps if abs(rates[gap]) <= slow[gap] or returning[gap]]
     if np.all(rates[gaps] >= -slow[gaps]) and resting:
-        own = [rows for rows, gap, _ in frictions if gap in resting]
-        slip = [row for rows in own for row in rows if abs(readings.rates[row]) <= rest[row]]
-        return _rest(model, time, y, inputs, readings, terms.matrix, [*resting, *slip])
+        own = [row for rows, gap, _ in frictions if gap in resting for row in rows]
+        if (found := _slow_at_rest(model, readings, terms.matrix, resting, own, rest)) is not None:
+            return Impact(found[0], model.response(time, y, inputs, found[0]), max(found[1], 0.0), 1.0)
     chosen = [*gaps, *(row for rows, _, _ in frictions for row in rows)]
     place = {row: position for position, row in enumerate(chosen)}
     limits = [FrictionLimit(tuple(place[row] for row in rows), place[gap], size) for rows, gap, size in frictions]
@@ -89,15 +90,15 @@ def impact(
         return impulses, -0.5 * added((impulses * (before + after)).tolist())
 
     try:
-        found, loss, factor = *with_factor(1.0), 1.0
+        given, loss, factor = *with_factor(1.0), 1.0
     except NoSolutionError:
-        found, loss, factor = *with_factor(0.0), 0.0
-    exchanged = 0.5 * added(abs(found * before).tolist())
+        given, loss, factor = *with_factor(0.0), 0.0
+    exchanged = 0.5 * added(abs(given * before).tolist())
     if factor and loss < -GAIN * exchanged:
         factor = largest_factor(lambda trial: with_factor(trial)[1], loss, GAIN * exchanged)
-        found, loss = with_factor(factor)
+        given, loss = with_factor(factor)
     impulses = np.zeros(model.layout.rows)
-    impulses[chosen] = found
+    impulses[chosen] = given
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), factor)
 
 
@@ -155,21 +156,33 @@ def largest_factor(loss: Callable[[float], float], last: float, enough: float) -
     return low
 
 
-def _rest(
-    model: OneSidedModel,
-    time: float,
-    y: Array,
-    inputs: Array,
-    readings: OneSidedReadings,
-    matrix: Array,
-    rows: list[int],
-) -> Impact:
-    """What brings the rates of all these rows to zero, with the least loss of energy; so infinitely many impacts end.
+def _slow_at_rest(
+    model: OneSidedModel, readings: OneSidedReadings, matrix: Array, gaps: list[int], friction: list[int], rest: Array
+) -> tuple[Array, float] | None:
+    """As `_resting`, of these gaps with the slow rows of their friction, or of the gaps alone."""
+    slip = [row for row in friction if abs(readings.rates[row]) <= rest[row]]
+    tried = (_resting(model, readings, matrix, rows, rest) for rows in ([*gaps, *slip], gaps))
+    return next((found for found in tried if found is not None), None)
 
-    A block that rocks on its edges rebounds without restitution, from one edge to the other.
+
+def _resting(
+    model: OneSidedModel, readings: OneSidedReadings, matrix: Array, rows: list[int], rest: Array
+) -> tuple[Array, float] | None:
+    """The impulses (all rows,) that bring these rows to rest with the least loss of energy, and this; None without any.
+
+    A block that rocks on its edges rebounds without restitution, from one edge to the other; so infinitely many impacts
+    end. Rows that nearly depend on each other, as of a bar that turns through the upright between a floor and a
+    ceiling, would not come to rest, or only if far faster motions were stopped.
+
+    :param rest: the slow rates (all rows,).
     """
-    solution = least_solution(matrix[rows][:, rows], -readings.rates[rows], model.compliance[rows])
-    impulses = np.zeros(model.layout.rows)
-    impulses[rows] = solution
-    loss = 0.5 * added((solution * -readings.rates[rows]).tolist())
-    return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)
+    impulses, own, rates = np.zeros(model.layout.rows), matrix[rows][:, rows], readings.rates[rows]
+    found = least_solution(own, -rates, model.compliance[rows])
+    loss = 0.5 * added((found * -rates).tolist())
+    fastest = np.maximum(np.abs(readings.rates), rest)
+    slow = 0.5 * added(fastest[row] ** 2 / matrix[row, row] for row in rows if matrix[row, row] > 0.0)
+    after = np.abs(rates + product(own, found))
+    if loss > SMALL * slow or np.any(after > RESTING * model.speeds[rows]):
+        return None
+    impulses[rows] = found
+    return impulses, loss

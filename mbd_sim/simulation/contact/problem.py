@@ -67,19 +67,6 @@ def _closed(problem: ContactProblem, forces: Array) -> list[int]:
     return [row for row in problem.normals if values[row] > 0.0 or rates[row] <= still]
 
 
-def at_rest(problem: ContactProblem, forces: Array) -> Array:
-    """The rates (n,) of elastic supports that bear a force and do not slide; others are zero."""
-    rates, slow, found = problem.rates(forces), _slow(forces), np.zeros(len(forces))
-    for row in problem.normals:
-        if forces[row] > 0.0:
-            found[row] = rates[row]
-    for friction in problem.frictions:
-        rows = list(friction.rows)
-        if math.hypot(*rates[rows]) <= slow:
-            found[rows] = rates[rows]
-    return found
-
-
 def _slow(forces: Array) -> float:
     """The rate beyond which friction at its limit slides."""
     return SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
@@ -117,8 +104,6 @@ def _followers(problem: ContactProblem, forces: Array, closed: Sequence[int]) ->
 STIFFER, LEAST_RATIO = 10.0, 1.01  # ratios of the softnesses of supports that become rigid, from one to the next
 RIGID = 1e-13  # softness that is not distinguished from that of rigid ones
 FOLLOWED = 1e-12  # residual up to which forces of such supports are accepted
-SOFTNESSES = (1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, SOFTNESS)  # of supports, one after the other
-STIFFENINGS = 5  # each of which divides the rates of supports at rest by the ratio of their stiffness to `SOFTNESS`
 
 
 class NoSolutionError(ValueError):
@@ -214,30 +199,9 @@ def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:
 
 
 def _elastic(problem: ContactProblem) -> Array | None:
-    """The forces of elastic supports that become stiffer and stiffer; None if they were not found.
-
-    Rates by which supports yield are made up for by a shift of their rest positions (method of multipliers).
-    """
+    """The forces of elastic supports that become stiffer and stiffer; None if they were not found."""
     forces = np.zeros(len(problem.free))
-    for softness in SOFTNESSES:
-        softened = _softened(problem, softness)
-        forces, residual = _newton(softened, forces)
-    if residual > ACCURATE and (found := _quick(softened)[0]) is not None:
-        forces, residual = found, 0.0
-    if residual > ACCURATE:
-        return None
-    last = np.inf
-    for _ in range(STIFFENINGS):
-        rates = at_rest(problem, forces)
-        size = float(np.abs(rates).max())
-        if size <= ACCURATE * SOFTNESS or size > 0.5 * last:
-            break
-        softened = replace(softened, free=softened.free + rates)
-        stiffer, residual = _newton(softened, forces)
-        if residual > ACCURATE:
-            break
-        forces, last = stiffer, size
-    return forces
+    return forces if called("elastic_forces", problem.packed, problem.compliance, forces) else None
 
 
 def _softened(problem: ContactProblem, softness: float) -> ContactProblem:

@@ -96,6 +96,7 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     forces.newton,
     forces.by_lemke,
     forces.sweep,
+    shared_forces.elastic_forces,
     linear.solve,
     linear.null_space,
     linear.least,
@@ -149,6 +150,7 @@ def _emitted() -> str:
 
 def _contents() -> Iterator[str]:
     """What the code is made from: the functions, with their modules, and all constants."""
+    yield from map(name_of, EXPORTED)
     sources = {f"mbd_sim.compiler.ir.{name}" for name in ("python_functions", "python_kinds", "builder", "module")}
     for module in MODULES:
         for name, value in sorted(vars(module).items()):

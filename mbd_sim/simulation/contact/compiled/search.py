@@ -53,6 +53,8 @@ FALLING = 10.0
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
 ENOUGH = 1e-4  # of the tolerance, up to which a change of features is where it is sought
+NOISE = 5e-3  # of the tolerance, below which round-off in the positions of bodies may prevent that
+FINE = 4  # attempts on both sides of which values are below it
 DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
 # What is to become zero: a guard, a gap in its unit, the rate at which a gap closes, the distance of two bodies, what
 # says that they meet beside their closed slots, or that the features of these change, the slip of friction along its
@@ -207,11 +209,12 @@ def first_zero(
                 break
         if low == 0.0:
             return 0.0
-    best, least = high, abs(f_high)
+    best, least, accuracy = high, abs(f_high), c.accuracy if what in (BESIDE, FEATURES) else 0.0
     if abs(f_low) < abs(f_high):
         best, least = low, f_low
     above, below = enough_above(c, m, what, tolerance), enough_below(c, m, what, tolerance)
     shortest, side = RESOLUTION * (m.t + length) if c.pairs else 0.0, 0
+    last_above, last_below, fine = abs(f_low), abs(f_high), 0
     for count in range(ITERATIONS):
         middle = (low * f_high - high * f_low) / (f_high - f_low)
         if count % 4 == 3 or not low < middle < high:
@@ -226,12 +229,17 @@ def first_zero(
             best, least = middle, abs(found)
         if -below <= found <= above:
             return middle
+        fine += 1 if max(last_above, last_below) <= NOISE * accuracy else 0
+        if fine > FINE:
+            break
         if found > 0.0:
+            last_above = found
             if side > 0:
                 factor = 1.0 - found / f_low
                 f_high *= factor if factor > 0.0 else 0.5
             low, f_low, side = middle, found, 1
         else:
+            last_below = -found
             if side < 0:
                 factor = 1.0 - found / f_high
                 f_low *= factor if factor > 0.0 else 0.5
@@ -306,14 +314,17 @@ def grazing(c: Contacts, m: TrialPart, gap: int, first: float) -> float:
 
 def first_change(c: Contacts, m: TrialPart, first: float, exact: bool) -> float:
     """Where two bodies meet or features change, if that is before the `first` event; if not `exact`, somewhat later."""
-    end = m.span[0] if first < 0.0 else first
-    for index in range(c.body_pairs):
-        if end == 0.0:
+    end, latest, found = m.span[0] if first < 0.0 else first, -1, NONE
+    for _ in range(c.body_pairs if exact else 1):  # at an earlier end, others may be within each other
+        for index in range(c.body_pairs):
+            if end == 0.0 or index == latest:  # nothing is earlier
+                return DIVERGED if has_failed(m) else first
+            if may_meet(c, pair_at(c, index), m.inputs, m.places_before, places_at(c, m, end)):
+                found = change_of(c, m, index, end, exact)
+                if found >= 0.0:
+                    first, end, latest = found, found, index
+        if latest < 0:
             break
-        if may_meet(c, pair_at(c, index), m.inputs, m.places_before, places_at(c, m, end)):
-            found = change_of(c, m, index, end, exact)
-            if found >= 0.0:
-                first, end = found, found
     return DIVERGED if has_failed(m) else first
 
 

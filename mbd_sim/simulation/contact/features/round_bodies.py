@@ -35,7 +35,7 @@ class PlaneFace:
 
 @dataclass(frozen=True, eq=False)
 class RoundBody:
-    """A body in the frame of its part; `grams` (n, 3, 3) are the matrices K of its corners (n, 3).
+    """A body in the frame of its part; `roots` (n, 3, 3) are R with K = RᵀR of its corners (n, 3).
 
     `sides` are pairs of corners, with `directions` (m, 3) and `cosines` (m,); `faces` are plane. It is rounded by a
     `radius`. `curved` are the corners with a K that is not zero, and `ruled` the sides of cylinders and cones. `at`
@@ -43,7 +43,7 @@ class RoundBody:
     """
 
     corners: Array
-    grams: Array
+    roots: Array
     sides: NDArray[np.intp]
     directions: Array
     cosines: Array
@@ -71,11 +71,8 @@ def round_body(body: Curved | Solid) -> RoundBody:
         case ConeBody(radius=r, length=length):
             return _revolved(body.at.point, body.axis, ((-0.5 * length, r), (0.5 * length, 0.0)))
         case EllipsoidBody():
-            gram = sum(
-                (radius**2 * np.outer(axis, axis) for radius, axis in zip(body.radii, body.axes.T, strict=True)),
-                np.zeros((3, 3)),
-            )
-            return _body(body.at.point[None], gram[None], (), (), max(body.radii), 0.0, body.at.point)
+            root = np.array(body.radii)[:, None] * body.axes.T
+            return _body(body.at.point[None], root[None], (), (), max(body.radii), 0.0, body.at.point)
 
 
 def _polytope(solid: Solid) -> RoundBody:
@@ -93,8 +90,8 @@ def _polytope(solid: Solid) -> RoundBody:
 
 def _revolved(center: Array, axis: Array, rims: tuple[tuple[float, float], ...]) -> RoundBody:
     corners = np.array([center + height * axis for height, _ in rims])
-    across = np.eye(3) - np.outer(axis, axis)
-    grams = np.array([radius**2 * across for _, radius in rims])
+    across = np.array([*perpendiculars(axis), np.zeros(3)])
+    roots = np.array([radius * across for _, radius in rims])
     sides, faces, none = [], [], np.zeros((0, 3))
     for k in range(len(rims) - 1):
         (low, wide), (high, narrow) = rims[k], rims[k + 1]
@@ -102,20 +99,20 @@ def _revolved(center: Array, axis: Array, rims: tuple[tuple[float, float], ...])
     for sign, k in ((-1.0, 0), (1.0, len(rims) - 1)):
         if rims[k][1]:
             faces.append(PlaneFace(sign * axis, corners[k], none, rims[k][1]))
-    return _body(corners, grams, sides, faces, max(radius for _, radius in rims), 0.0, center)
+    return _body(corners, roots, sides, faces, max(radius for _, radius in rims), 0.0, center)
 
 
 def _body(
-    corners: Array, grams: Array, sides: object, faces: object, spread: float, radius: float, at: Array
+    corners: Array, roots: Array, sides: object, faces: object, spread: float, radius: float, at: Array
 ) -> RoundBody:
     listed = list(sides)  # type: ignore[call-overload]
-    curved = np.array([bool(np.any(gram)) for gram in grams])
+    curved = np.array([bool(np.any(root)) for root in roots])
     pairs = np.array([side[:2] for side in listed], dtype=np.intp).reshape(-1, 2)
     center = 0.5 * (corners.max(axis=0) + corners.min(axis=0))
     arms = corners - center
     return RoundBody(
         corners,
-        grams,
+        roots,
         pairs,
         np.array([side[2] for side in listed]).reshape(-1, 3),
         np.array([side[3] for side in listed]).reshape(-1),
@@ -131,7 +128,7 @@ def _body(
 
 def hull_of(body: RoundBody) -> RoundHull:
     """The numbers of a body for compiled code; its rims have points at fixed angles."""
-    rims = np.where(body.curved, np.sqrt(np.trace(body.grams, axis1=1, axis2=2) / 2.0), 0.0)
+    rims = np.where(body.curved, np.sqrt(np.sum(body.roots**2, axis=(1, 2)) / 2.0), 0.0)
     arms = np.zeros((POINTS, 3))
     if body.curved.any() and len(body.faces):
         first, second = perpendiculars(body.directions[0] if len(body.directions) else body.faces[-1].normal)
@@ -145,7 +142,7 @@ def hull_of(body: RoundBody) -> RoundHull:
     return RoundHull(
         len(body.corners),
         _numbers(body.corners),
-        _numbers(body.grams),
+        _numbers(body.roots),
         body.curved.astype(np.int64),
         bool(body.curved.any()),
         rims,

@@ -204,6 +204,27 @@ def test_the_row_of_what_touches_is_the_distance_nearby(bodies):
         tried += 1
 
 
+def test_rods_that_are_nearly_parallel_touch_at_an_end_of_one_of_them():
+    """Where their lines are nearest is round-off, but the distances at the ends are not: they differ by much more."""
+    chance, bodies = np.random.default_rng(5), (rod(0.4, 0.03), rod(0.3, 0.02))
+    pair, ends = pair_of(bodies), []
+    for _ in range(200):
+        angle = 10.0 ** chance.uniform(-13.0, -7.0) * chance.choice([-1.0, 1.0]) + chance.choice([0.0, np.pi])
+        everywhere, turn = random_pose(chance, 1.0), rot.about(np.array([0.0, 1.0, 0.0]), angle)
+        along = chance.uniform(-0.3, 0.3)
+        (x, _, z), (x2, _, z2) = placed(bodies[1], Pose(np.array([along, 0.0, 0.0]), turn))
+        heights = [z + (at - x) * (z2 - z) / (x2 - x) for at in (-0.2, 0.2) if min(x, x2) <= at <= max(x, x2)]
+        lowest = min([*heights, *(height for at, height in ((x, z), (x2, z2)) if abs(at) <= 0.2)])
+        other = Pose(np.array([along, 0.0, 0.05 - lowest]), turn)  # over the first one, in the plane of both
+        poses = everywhere, everywhere @ other
+        assert pair.distance(*poses) == pytest.approx(0.0, abs=1e-14)
+        found = pair.touching(*poses, 1e-13)
+        assert found
+        assert min(numeric(each.numbers, *poses)[0] for each in found) == pytest.approx(0.0, abs=1e-14)
+        ends.append(len(found))
+    assert {1, 2} <= set(ends)
+
+
 def test_directions_across_are_renewed_before_they_are_along_the_normal():
     """An edge on an edge turns the normal against both bodies."""
     bodies = rod(0.4, 0.05), rod(0.4, 0.05)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations_with_replacement, product
 
 import casadi as ca
@@ -16,6 +17,8 @@ from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.simulation.contact.compiled.features.round_bodies import PlacedRound, reach
+from mbd_sim.simulation.contact.features.round_bodies import hull_of, round_body
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
 from test.oracles.convex_distance import distance
 
@@ -221,7 +224,7 @@ def test_a_rim_above_a_thin_body_is_as_far_as_its_lowest_point(under, kind, orde
         assert height - 1.1 * lower <= pair.distance(*poses) <= height
 
 
-@pytest.mark.parametrize(("order", "tilt"), ((1, 0.0), (-1, 1e-7), (1, 1e-4), (-1, 0.006)))
+@pytest.mark.parametrize(("order", "tilt"), ((1, 0.0), (-1, 1e-7), (1, 1e-4), (-1, 0.006), (1, 0.03), (-1, 0.06)))
 def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(order, tilt):
     """The row of a crossing stays on the rim and on the edge, with the rate of its gap, as both bodies move."""
     chance, half, radius = np.random.default_rng(11), np.array([0.6, 0.2, 0.1]), 0.25
@@ -250,6 +253,19 @@ def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(o
         assert pair.distance(*poses) == pytest.approx(0.0, abs=1e-13)
         assert pair.margin(*poses, features.numbers) > 0.0
         _check_rate(bodies[::order], features, poses, chance)
+
+
+def test_a_rim_reaches_as_far_in_any_axes_of_its_part():
+    """Near the axis of the rim, how far it reaches beyond its center must not be lost beside 1."""
+    chance = np.random.default_rng(23)
+    for _ in range(20):
+        tilt, radius = 10.0 ** chance.uniform(-12.0, 0.0), chance.uniform(0.1, 1.0)
+        axis, aside = np.linalg.qr(chance.normal(size=(3, 2)))[0].T
+        hull = hull_of(round_body(replace(body("disc", [radius]), axis=axis)))
+        placed = PlacedRound(hull, np.zeros(12), np.zeros(3 * hull.count), np.zeros(3), np.zeros(6))
+        placed.pose[3::4] = 1.0
+        normal = np.cos(tilt) * axis + np.sin(tilt) * aside
+        assert reach(placed, normal, 1.0) == pytest.approx(radius * np.sin(tilt), abs=2e-16)
 
 
 def _touch(bodies, features, symbols, other):

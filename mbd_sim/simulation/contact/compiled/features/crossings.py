@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT
 from mbd_sim.simulation.contact.compiled.features.normals import (
     EDGE_RIM,
     FIRST,
@@ -25,7 +24,10 @@ from mbd_sim.simulation.contact.compiled.features.vectors import add, cross, dot
 # Two features that meet, or could: their unit normal, gap, margin, and the point at which they meet.
 NORMAL, GAP, MARGIN, POINT = 0, 3, 4, 5
 MEETING = 8
-STEEP = 1.25 * EXACT_TILT  # sine of the tilt of a normal against the axis of a rim, up to which a crossing is offered
+# Sines of the tilt of a normal against the axis of a rim: at most that of a crossing; up to which one is offered; from
+# which on the normal of an edge and a rim is iterated instead; and below which it is not any more. Nearer to the axis,
+# where the support of the rim has a kink, steps from the last normal may lead past the next one.
+CROSSING, STEEP, ITERABLE, LEAST_ITERABLE = 0.2, 0.125, 0.1, 0.05
 ALONG, HALF = 0, 1  # of a chord: from the start of the edge to its middle, and half of its length, along the edge
 CHORD_SIZE = 2
 
@@ -37,7 +39,7 @@ def chord(edge: PlacedRound, side: int, end: PlacedRound, face: int, out: Array)
     if edge.hull.ruled[side] or radius == 0.0:
         return False
     rise = dot(direction, axis)
-    if abs(rise) > FLAT_TILT:
+    if abs(rise) > CROSSING:
         return False
     middle(end, face, center)
     subtract(edge.corners[3 * edge.hull.ends[2 * side] :], center, line)
@@ -90,7 +92,7 @@ def crossing(edge: PlacedRound, side: int, end: PlacedRound, face: int, sign: in
     out[GAP] = height * cosine
     subtract(edge.corners[3 * second :], edge.corners[3 * first :], line)
     out[MARGIN] = min(min(at, size_of(line) - at), found[HALF] - CROSSED * radius)
-    out[MARGIN] = min(out[MARGIN], (FLAT_TILT - math.sqrt(max(0.0, 1.0 - cosine * cosine))) * radius)
+    out[MARGIN] = min(out[MARGIN], (CROSSING - math.sqrt(max(0.0, 1.0 - cosine * cosine))) * radius)
     scale(toward, normal, normal)
     return True
 

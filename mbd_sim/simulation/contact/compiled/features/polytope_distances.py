@@ -23,6 +23,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 )
 
 PARALLEL = 1e-9  # sine of the angle below which edges count as parallel
+NEARLY_PARALLEL = 1e-6  # the same, below which round-off may decide where their lines are nearest
 
 
 @dataclass(frozen=True)
@@ -178,28 +179,48 @@ def face_distance(one: PlacedHull, other: PlacedHull) -> float:
 
 
 def edge_distance(a: PlacedHull, b: PlacedHull) -> float:
-    """The least distance of edges of both cores (Ericson, *Real-Time Collision Detection*)."""
-    start, direction, other_start, other_direction = zeros(3), zeros(3), zeros(3), zeros(3)
-    line, found = zeros(3), math.inf
+    """The least distance of edges of both cores."""
+    found = math.inf
     for i in range(a.hull.segments):
-        place(a.pose, a.hull.segment_starts[3 * i :], start)
-        turn(a.pose, a.hull.segment_directions[3 * i :], direction)
-        length = a.hull.segment_lengths[i]
         for j in range(b.hull.segments):
-            place(b.pose, b.hull.segment_starts[3 * j :], other_start)
-            turn(b.pose, b.hull.segment_directions[3 * j :], other_direction)
-            subtract(start, other_start, line)
-            cosine = dot(direction, other_direction)
-            along, beside = dot(direction, line), dot(other_direction, line)
-            square = 1.0 - cosine * cosine
-            s = (cosine * beside - along) / square if square > PARALLEL * PARALLEL else 0.0
-            s = clipped(s, length)
-            t = clipped(cosine * s + beside, b.hull.segment_lengths[j])
-            s = clipped(cosine * t - along, length)
-            for k in range(3):
-                line[k] = line[k] + s * direction[k] - t * other_direction[k]
-            found = min(found, size_of(line))
+            found = min(found, segment_distance(a, i, b, j))
     return found
+
+
+def segment_distance(a: PlacedHull, i: int, b: PlacedHull, j: int) -> float:
+    """The distance of two edges (Ericson, *Real-Time Collision Detection*).
+
+    Where they are nearly parallel, they are nearest at an end of one of them if not where their lines are.
+    """
+    start, direction, other_start, other_direction = zeros(3), zeros(3), zeros(3), zeros(3)
+    line, across = zeros(3), zeros(3)
+    place(a.pose, a.hull.segment_starts[3 * i :], start)
+    turn(a.pose, a.hull.segment_directions[3 * i :], direction)
+    place(b.pose, b.hull.segment_starts[3 * j :], other_start)
+    turn(b.pose, b.hull.segment_directions[3 * j :], other_direction)
+    subtract(start, other_start, line)
+    cross(direction, other_direction, across)
+    length, other_length, square = a.hull.segment_lengths[i], b.hull.segment_lengths[j], dot(across, across)
+    along, cosine = dot(direction, line), dot(direction, other_direction)
+    beside = dot(other_direction, line)
+    s = clipped((cosine * beside - along) / square, length) if square > PARALLEL * PARALLEL else 0.0
+    found = apart_from(s, length, other_length, line, direction, other_direction)
+    if square < NEARLY_PARALLEL * NEARLY_PARALLEL:
+        found = min(found, apart_from(0.0, length, other_length, line, direction, other_direction))
+        found = min(found, apart_from(length, length, other_length, line, direction, other_direction))
+    return found
+
+
+def apart_from(
+    s: float, length: float, other_length: float, line: Array, direction: Array, other_direction: Array
+) -> float:  # fmt: skip
+    """The distance of two edges near a place s on the first one; the `line` is from the start of the second to its."""
+    cosine, apart = dot(direction, other_direction), zeros(3)
+    t = clipped(cosine * s + dot(other_direction, line), other_length)
+    nearest = clipped(cosine * t - dot(direction, line), length)
+    for k in range(3):
+        apart[k] = line[k] + nearest * direction[k] - t * other_direction[k]
+    return size_of(apart)
 
 
 def clipped(value: float, highest: float) -> float:

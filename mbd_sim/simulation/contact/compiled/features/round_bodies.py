@@ -9,6 +9,7 @@ from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import BULGE, EXACT_TILT, FLAT_TILT, POINTS
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
+    divide,
     dot,
     place,
     place_back,
@@ -20,7 +21,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     turn_back,
 )
 
-TINY = 1e-60
+LEAST = 1e-30  # of √(n·K n) in m, which is zero along the axis of a rim
 FLAT = 1e-6  # sine of the angle below which an edge lies on a face
 CODES = POINTS + 2  # numbers of points of a rim, and of an edge
 CHORD = 0.98  # of the chord of a rounded edge across a disc, the part that carries this
@@ -38,7 +39,7 @@ class RoundHull:
 
     count: int
     corners: Array
-    grams: Array
+    roots: Array
     curved: Integers
     is_curved: bool
     rims: Array
@@ -83,20 +84,29 @@ def put_round(placed: PlacedRound, pose: Array, origin: Array) -> None:
         turn(placed.pose, hull.normals[3 * i :], placed.normals[3 * i :])
 
 
-def times(matrix: Array, v: Array, out: Array) -> None:
-    """The product of a symmetric matrix and a vector; `out` is another vector."""
+def folded(body: PlacedRound, corner: int, own: Array, out: Array) -> float:
+    """R n of a corner and its size √(n·K n), which n·n - (n·a)² would lose near the axis a of a rim.
+
+    :param own: n in the frame of the part.
+    """
     for row in range(3):
-        out[row] = dot(matrix[3 * row :], v)
+        out[row] = dot(body.hull.roots[9 * corner + 3 * row :], own)
+    return size_of(out)
+
+
+def unfolded(body: PlacedRound, corner: int, fold: Array, out: Array) -> None:
+    """Rᵀ times a vector."""
+    roots = body.hull.roots[9 * corner :]
+    for k in range(3):
+        out[k] = roots[k] * fold[0] + roots[3 + k] * fold[1] + roots[6 + k] * fold[2]
 
 
 def offset(body: PlacedRound, corner: int, normal: Array, out: Array) -> None:
     """From a corner to its farthest point along a normal."""
-    own, arm = zeros(3), zeros(3)
+    own, fold, arm = zeros(3), zeros(3), zeros(3)
     turn_back(body.pose, normal, own)
-    times(body.hull.grams[9 * corner :], own, arm)
-    size = math.sqrt(max(dot(own, arm), 0.0) + TINY)
-    for k in range(3):
-        arm[k] = arm[k] / size
+    divide(fold, max(folded(body, corner, own, fold), LEAST))
+    unfolded(body, corner, fold, arm)
     turn(body.pose, arm, out)
 
 
@@ -109,18 +119,20 @@ def farthest(body: PlacedRound, corner: int, normal: Array, sign: float, out: Ar
 
 def add_bend(body: PlacedRound, corner: int, normal: Array, out: Array) -> None:
     """Subtract the derivative (9,) of an offset by the normal, in ground's axes."""
-    own, arm, row_of, half, part = zeros(3), zeros(3), zeros(3), zeros(9), zeros(3)
+    own, fold, arm, row_of, half, part = zeros(3), zeros(3), zeros(3), zeros(3), zeros(9), zeros(3)
     if not body.hull.curved[corner]:
         return
-    gram = body.hull.grams[9 * corner :]
+    roots = body.hull.roots[9 * corner :]
     turn_back(body.pose, normal, own)
-    times(gram, own, arm)
-    size = math.sqrt(max(dot(own, arm), 0.0) + TINY)
-    for k in range(3):
-        arm[k] = arm[k] / size
+    size = max(folded(body, corner, own, fold), LEAST)
+    divide(fold, size)
+    unfolded(body, corner, fold, arm)
     for row in range(3):
         for column in range(3):
-            row_of[column] = (gram[3 * row + column] - arm[row] * arm[column]) / size
+            row_of[column] = -arm[row] * arm[column]
+            for k in range(3):
+                row_of[column] += roots[3 * k + row] * roots[3 * k + column]
+        divide(row_of, size)
         turn(body.pose, row_of, half[3 * row :])
     for column in range(3):
         for row in range(3):
@@ -132,11 +144,8 @@ def add_bend(body: PlacedRound, corner: int, normal: Array, out: Array) -> None:
 
 def height(body: PlacedRound, corner: int, normal: Array, sign: float, own: Array) -> float:
     """How far in m a corner reaches along a normal times `sign`; this normal is `own` in the frame of the part."""
-    arm = zeros(3)
-    if not body.hull.curved[corner]:
-        return sign * dot(body.corners[3 * corner :], normal)
-    times(body.hull.grams[9 * corner :], own, arm)
-    return sign * dot(body.corners[3 * corner :], normal) + math.sqrt(max(dot(own, arm), 0.0) + TINY)
+    fold, found = zeros(3), sign * dot(body.corners[3 * corner :], normal)
+    return found + folded(body, corner, own, fold) if body.hull.curved[corner] else found
 
 
 def reach(body: PlacedRound, normal: Array, sign: float) -> float:
@@ -174,11 +183,10 @@ def inside(body: PlacedRound, face: int, point: Array) -> float:
 
 def beside(body: PlacedRound, corner: int, point: Array) -> float:
     """How far in m a point is outside a rim, seen along its axis."""
-    own, arm = zeros(3), zeros(3)
+    own, fold = zeros(3), zeros(3)
     place_back(body.pose, point, own)
     subtract(own, body.hull.corners[3 * corner :], own)
-    times(body.hull.grams[9 * corner :], own, arm)
-    return math.sqrt(max(dot(own, arm), 0.0)) / body.hull.rims[corner] - body.hull.rims[corner]
+    return folded(body, corner, own, fold) / body.hull.rims[corner] - body.hull.rims[corner]
 
 
 def middle(body: PlacedRound, face: int, out: Array) -> None:
@@ -188,12 +196,11 @@ def middle(body: PlacedRound, face: int, out: Array) -> None:
 
 def tilt(body: PlacedRound, corner: int, normal: Array) -> float:
     """The sine of the tilt of a rim against a face with a normal; 1 for an ellipsoid."""
-    own, arm = zeros(3), zeros(3)
+    own, fold = zeros(3), zeros(3)
     if body.hull.faces == 0:
         return 1.0
     turn_back(body.pose, normal, own)
-    times(body.hull.grams[9 * corner :], own, arm)
-    return math.sqrt(max(0.0, dot(own, arm))) / body.hull.rims[corner]
+    return folded(body, corner, own, fold) / body.hull.rims[corner]
 
 
 def tilted(body: PlacedRound, corner: int, normal: Array) -> float:

@@ -9,10 +9,13 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT, POINTS
+from mbd_sim.dynamics.contact.shapes import FLAT_TILT, POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
 from mbd_sim.simulation.contact.compiled.features.crossings import (
+    CROSSING,
     GAP,
+    ITERABLE,
+    LEAST_ITERABLE,
     MARGIN,
     MEETING,
     NORMAL,
@@ -162,7 +165,7 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
             consider_crossings(p, a, b, bottom, tolerance, slots, points, count)
         if index >= simple:
             copy(normals[3 * (index - simple) :], normal)
-            if count[0] > 0 and level(p, a, b, key, normal, FLAT, EXACT_TILT) < 0.0:
+            if count[0] > 0 and level(p, a, b, key, normal, FLAT, ITERABLE) < 0.0:
                 continue
         elif not simple_normal(a, b, key, normal):
             continue
@@ -228,7 +231,7 @@ def consider_crossing(
         if not meet_crossing(a, b, key, meeting) or is_steep(axis, meeting):
             continue
         scale(toward, axis, normal)
-        if support(p, a, b, normal) >= bottom - FLAT_TILT * p.reach:
+        if support(p, a, b, normal) >= bottom - CROSSING * p.reach:
             consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
 
 
@@ -299,7 +302,7 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     if is_iterated(key[KIND]):
         turn(b.pose, numbers[22:], stored)
         margin = min(
-            min(margin, HINT - distance_of(normal, stored)), level(p, a, b, key, normal, LEVEL, 0.5 * EXACT_TILT)
+            min(margin, HINT - distance_of(normal, stored)), level(p, a, b, key, normal, LEVEL, LEAST_ITERABLE)
         )
     return margin
 

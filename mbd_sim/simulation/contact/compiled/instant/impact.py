@@ -14,9 +14,11 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
 )
 from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_forces
 from mbd_sim.simulation.contact.compiled.instant.linear import null_space, solve
+from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
 JAMMED = 1e11  # of the natural mass times the approach speed, impulse from which on it divides by round-off
+SMALL = 1e4  # times the energy of rows by themselves that may be lost where they come to rest
 ELASTIC_REST = 1e-9  # of the natural speed, the approach speed below which even an elastic contact closes
 
 
@@ -109,6 +111,28 @@ def resting_impulses(
         impulses[chosen[i]] = found[i]
         total += found[i] * right[i]
     loss[0] = 0.5 * total
+    return is_small(c, readings, terms, count, chosen, loss[0]) and is_rest(c, readings, count, chosen, matrix, found)
+
+
+def is_small(c: Contacts, readings: Array, terms: Array, count: int, chosen: Integers, loss: float) -> bool:
+    """Whether rows can come to rest without stopping far faster motions; some may nearly depend on each other."""
+    slow = 0.0
+    for i in range(count):
+        row = chosen[i]
+        speed = max(abs(readings[rate_at(c, row)]), c.rest_speed * c.row_speeds[row] / c.unit_speed)
+        slow += 0.5 * speed * speed / terms[row + row * c.rows]
+    return not loss > SMALL * slow
+
+
+def is_rest(c: Contacts, readings: Array, count: int, chosen: Integers, matrix: Array, impulses: Array) -> bool:
+    """Whether impulses (count,) bring the chosen rows to rest."""
+    after = 0.0
+    for i in range(count):
+        after = readings[rate_at(c, chosen[i])]
+        for j in range(count):
+            after += matrix[i * count + j] * impulses[j]
+        if abs(after) > RESTING * c.row_speeds[chosen[i]]:
+            return False
     return True
 
 
