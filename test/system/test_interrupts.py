@@ -30,31 +30,17 @@ def chain(joints: int) -> str:
 
 @pytest.fixture
 def long_chain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("MBD_SIM_CACHE", "off")
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "kernels"))
     monkeypatch.setenv("MBD_SIM_TEST_LEVEL", "user")
     file = tmp_path / "chain.yaml"
     file.write_text(chain(30))
     return file
 
 
-def children(pid: int) -> list[str]:
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            if path.read_text().rpartition(")")[2].split()[1] == str(pid):
-                found.append(path.parent.name)
-        except OSError:
-            continue
-    return found
-
-
 def interrupted(process: ForkedProcess | subprocess.Popen[bytes]) -> int:
-    """The exit code after Ctrl-C; the compiling process must end as well."""
-    compilers = children(process.pid)
+    """The exit code after Ctrl-C."""
     process.send_signal(signal.SIGINT)
-    code = process.wait(PATIENCE)
-    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in compilers), "the end of the compiler")
-    return code
+    return process.wait(PATIENCE)
 
 
 def test_a_node_that_compiles_says_so_and_ends_at_once(tmp_path: Path, long_chain: Path) -> None:
@@ -65,7 +51,6 @@ def test_a_node_that_compiles_says_so_and_ends_at_once(tmp_path: Path, long_chai
     try:
         listener.until(lambda: "compiling" in node.text, "the compiler")
         listener.until(lambda: any("compiling" in text for text in listener.events), "~/events")
-        wait_until(lambda: children(node.process.pid), "the compiler's process")
         assert interrupted(node.process) == 0
         assert "Traceback" not in node.text
     finally:
@@ -73,10 +58,11 @@ def test_a_node_that_compiles_says_so_and_ends_at_once(tmp_path: Path, long_chai
         node.kill()
 
 
-def test_a_command_that_compiles_ends_at_once(long_chain: Path) -> None:
+def test_a_command_that_compiles_ends_after_the_present_unit(tmp_path: Path, long_chain: Path) -> None:
     command = [sys.executable, "-m", "mbd_sim", "run", str(long_chain), "--time", "1e6"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:
-        wait_until(lambda: children(process.pid), "the compiler's process")
+        stored = partial(os.listdir, tmp_path / "kernels")
+        wait_until(lambda: (tmp_path / "kernels").exists() and len(stored()) > 1, "the file that was read, and a unit")
         assert interrupted(process) == 130
         assert process.stderr is not None and b"Traceback" not in process.stderr.read()
 
