@@ -25,8 +25,8 @@ from mbd_sim.files.text.library import shipped
 from test import shared_builds, without_ros
 from test.shared_memory import remove_unused_shared_memory
 
-# Folders whose tests build many mechanisms and take few steps: level 0 compiles them in a tenth of the time, without
-# starting a process. The kernels of all other folders are those that users run; test/compiler compares the two.
+# Folders whose tests build many mechanisms and take few steps: level 0 compiles them in a tenth of the time. The
+# kernels of all other folders are those that users run; test/compiler compares the two.
 QUICKLY_COMPILED = {
     "analysis",
     "benchmarks",
