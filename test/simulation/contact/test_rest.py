@@ -34,7 +34,7 @@ def test_slow_contacts_do_not_stop_fast_motions(friction):
     turn = SPEED / LENGTH
     rise = LENGTH / 2 * np.sin(TILT) * turn
     simulation.reset(u=[-HALF * turn, -rise - APPROACH, turn])
-    lost = 0.5 * APPROACH**2 / (1 + 12 * np.sin(TILT) ** 2 / 4)  # by an impact without friction, which changes it little
+    lost = 0.5 * APPROACH**2 / (1 + 12 * np.sin(TILT) ** 2 / 4)  # without friction, which changes it little
     assert simulation.energies.dissipated == pytest.approx(lost, rel=2e-2 if friction else 1e-6)
     assert simulation.u[2] == pytest.approx(turn, rel=1e-3)
 
