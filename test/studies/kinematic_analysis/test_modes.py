@@ -26,6 +26,21 @@ joints:
   arm_pin: {type: revolute, between: [arm.tip, link], axis: [0, 0, 1], position: -90 deg, guess: true}
   side: {type: revolute, between: [coupler.side, link.tip], axis: [0, 0, 1], cut: true}
 """
+# A crank and a rocker about a slanted axis, joined by a coupler with a ball and a universal joint.
+SPATIAL = """
+mechanism: rsur
+ground: {points: {far: [1.0, 0.4, 0]}}
+parts:
+  crank: {mass: 1, points: {tip: [0.3, 0, 0]}}
+  coupler: {mass: 1, points: {tip: [1.1, 0, 0]}}
+  rocker: {mass: 1, points: {tip: [0.2, 0.6, 0]}}
+joints:
+  motor: {type: revolute, between: [ground, crank], axis: [0, 0, 1]}
+  pivot: {type: revolute, between: [ground.far, rocker], axis: [0, 1, 0.3], position: 10 deg, guess: true}
+  pose: {type: free, between: [ground, coupler]}
+  ball: {type: spherical, between: [crank.tip, coupler], cut: true}
+  cross: {type: universal, between: [coupler.tip, rocker.tip], axes: [[0, 1, 0], [0, 0, 1]], cut: true}
+"""
 SIZES = {"a": 1.1, "b": 2.4, "c": 1.8, "d": 1.9}
 
 
@@ -57,6 +72,30 @@ def test_a_six_bar_has_six_when_it_is_driven_from_the_other_loop():
     angles = sorted(np.mod(modes.q[:, 0], 2 * np.pi))
     places = [theta[:-1][one[:-1] * one[1:] < 0] for one in distances]
     assert angles == pytest.approx(sorted(np.concatenate(places)), abs=4e-4)
+
+
+def test_bodies_without_a_joint_to_their_neighbors_are_thrown_into_any_pose():
+    """Of a body that is placed by a free joint, as of others: position, orientation, and the sign of quaternions.
+
+    The tip of the rocker is on a sphere about that of the crank, so that A cos φ + B sin φ = C. For each of both angles
+    the universal joint allows two poses of the coupler, half a turn about its axis from each other.
+    """
+    modes = assembly_modes(parse_mechanism(SPATIAL), {"motor": 0.5})
+    axis, tip, center = np.array([0, 1, 0.3]) / np.sqrt(1.09), np.array([0.2, 0.6, 0]), np.array([1.0, 0.4, 0])
+    crank = 0.3 * np.array([np.cos(0.5), np.sin(0.5), 0])
+    along, across = axis * (axis @ tip), np.cross(axis, tip)
+    still = center + along - crank
+    a, b = 2 * still @ (tip - along), 2 * still @ across
+    c = 1.1**2 - still @ still - across @ across
+    angles = np.arctan2(b, a) + np.array([-1, 1]) * np.arccos(c / np.hypot(a, b))
+    assert modes.q[:, 1] == pytest.approx(np.repeat(np.sort(angles), 2), abs=1e-12)
+    assert np.allclose(modes.q[:, 2:5], crank, atol=1e-12)
+    w, x, y, z = modes.q[:, 5:].T
+    assert np.all(w >= 0) and np.allclose(w**2 + x**2 + y**2 + z**2, 1, atol=1e-12)
+    ahead = 1.1 * np.array([1 - 2 * (y**2 + z**2), 2 * (x * y + w * z), 2 * (x * z - w * y)]).T
+    turned = np.outer(np.cos(modes.q[:, 1]), tip - along) + np.outer(np.sin(modes.q[:, 1]), across)
+    assert np.allclose(crank + ahead, center + along + turned, atol=1e-11)
+    assert np.allclose(np.abs(np.sum(modes.q[::2, 5:] * modes.q[1::2, 5:], axis=1)), 0, atol=1e-11)  # half a turn
 
 
 def test_no_mode_is_an_error(monkeypatch):
