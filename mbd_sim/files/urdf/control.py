@@ -86,7 +86,7 @@ class _ControlBlocks:
             dict(data.get(key) or {}) for key in ("joints", "actuators", "sensors")
         )
         couplings = [one for one in (data.get("constraints") or {}).values() if isinstance(one, dict)]
-        self.couplings = {one["follower"]: one for one in couplings if isinstance(one.get("follower"), str)}
+        self.followers = {follower for one in couplings if isinstance(follower := one.get("follower"), str)}
         self.moved = {one.get("joint") for one in self.actuators.values() if isinstance(one, dict)}
         self.seen: dict[str, str] = {}
         self._at: Location = (KEY,)  # of what is being read
@@ -117,7 +117,6 @@ class _ControlBlocks:
     def result(self) -> Source:
         """The source with all that was read."""
         source = self.source
-        self._let_followers_start()
         served = [f"{what}: {listed(names, 100)}" for what, names in self.served.items()]
         remarks = (f"<ros2_control> acts ({'; '.join(served) or 'nothing in it can'}).",)
         notes = tuple(f"{what}: {listed(list(dict.fromkeys(names)), 40)}" for what, names in self.unread.items())
@@ -197,7 +196,7 @@ class _ControlBlocks:
             self.served.setdefault("by what the file has", []).append(name)
             return
         start = {key: limits.initial for key, limits in states.items() if limits.initial is not None}
-        if name in self.couplings:
+        if name in self.followers:
             for interface in commands:
                 self._leave_out("command interfaces of joints that follow another one", f"{name}/{interface}")
             for interface in start:
@@ -280,26 +279,6 @@ class _ControlBlocks:
         self.actuators[own] = {"type": "effort", "joint": name, "command_range": [least, most]}
         return True
 
-    def _let_followers_start(self) -> None:
-        """Let joints that follow another one start where they follow it."""
-        for _ in self.couplings:  # a chain is as long as they are many
-            for name, coupling in self.couplings.items():
-                terms, record = coupling.get("terms"), self.joints.get(name)
-                if not isinstance(terms, dict) or len(terms) != 2 or not isinstance(record, dict):
-                    continue
-                (leader,) = [other for other in terms if other != name] or [""]
-                values = [
-                    terms[name],
-                    terms.get(leader),
-                    coupling.get("value", 0.0),
-                    _position(self.joints.get(leader)),
-                ]
-                if "drive" in record or not all(isinstance(value, int | float) for value in values):
-                    continue
-                own, factor, value, at = values
-                if (follows := (value - factor * at) / own) and "position" not in self.source.data["joints"][name]:
-                    self.joints[name] = {**record, "position": follows}
-
     def _sensor(self, element: Element, name: str) -> None:
         interfaces = {one.attributes.get("name", "") for one in element.all("state_interface")}
         parameters = {one.attributes.get("name", ""): one.text.strip() for one in element.all("param")}
@@ -337,15 +316,6 @@ class _ControlBlocks:
             if isinstance(between, list) and between[1:] == [reference(part)]:
                 return name
         return None
-
-
-def _position(record: Any) -> Any:
-    """The start position of a joint in the data of a file."""
-    if not isinstance(record, dict):
-        return None
-    drive = record.get("drive")
-    holder = drive if isinstance(drive, dict) else record
-    return holder.get("position", 0.0)
 
 
 def _innermost(choose: Any, first: float | None, second: Any) -> Any:
