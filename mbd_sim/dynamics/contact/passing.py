@@ -37,8 +37,6 @@ from mbd_sim.mechanism.elements.contacts import (
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.mechanism.mechanism import Mechanism
 
-Frames = Callable[[Attachment], BodyFrame]
-
 
 @dataclass(frozen=True, eq=False)
 class PassingFunctions:

@@ -1,4 +1,4 @@
-"""The pieces of an outline as columns of numbers, and places of one plane in another."""
+"""The pieces of an outline as columns of numbers."""
 
 from __future__ import annotations
 
@@ -19,25 +19,6 @@ FULL = 2.0 * math.pi - 1e-9  # rad, turn from which on a round piece is a whole 
 
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class PlaneMotion:
-    """The place of one plane in another: turned by the angle with this `cosine` and `sine`, then moved by x and y."""
-
-    cosine: float
-    sine: float
-    x: float
-    y: float
-
-    def directions(self, vectors: Array) -> Array:
-        """Directions (n, 2), turned."""
-        x, y = vectors[:, 0], vectors[:, 1]
-        return np.stack([self.cosine * x - self.sine * y, self.sine * x + self.cosine * y], axis=1)
-
-    def points(self, points: Array) -> Array:
-        """Points (n, 2), turned and moved."""
-        return np.asarray(self.directions(points) + np.array([self.x, self.y]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,7 +108,7 @@ class Recorder:
         :raises RecordingError: the file cannot be opened.
         """
         self.paths = paths
-        self.written = self.split_count = 0
+        self.written = 0
         self.failure = ""
         self.finished = threading.Event()  # set when the last file is complete for a reader,
         self.ended = threading.Event()  # and when it is on the disk
@@ -337,7 +337,6 @@ class Recorder:
             following = McapWriter(self.paths.file(len(self._files)), self._topics, self._open_file)
             self._sync.close(self._writer)
             self._writer = following
-            self.split_count += 1
         statistics = self._writer.statistics
         self._writer.begin(self._mechanism_text, metadata)
         self._file_opened = time.monotonic()

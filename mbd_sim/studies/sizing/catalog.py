@@ -72,10 +72,6 @@ class MotorType:
         """Whether its currents are known."""
         return not (math.isnan(self.torque_constant) or math.isnan(self.resistance))
 
-    def resistance_at(self, temperature: float) -> float:
-        """In Ω at a temperature in °C."""
-        return self.resistance * (1.0 + self.resistance_slope * (temperature - WARM))
-
     @property
     def resistance_slope(self) -> float:
         """The change in 1/K of the resistance, relative to that at 25 °C."""

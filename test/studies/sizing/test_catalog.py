@@ -57,7 +57,8 @@ def test_shipped_motors_can_do_what_they_say():
     for motor in shipped_catalog().motors.values():
         for speed, torque in motor.continuous_torque:
             current = torque / motor.torque_constant
-            hottest = 40.0 + current**2 * motor.resistance_at(motor.max_temperature) * motor.thermal_resistance
+            resistance = motor.resistance * (1.0 + motor.resistance_slope * (motor.max_temperature - 25.0))
+            hottest = 40.0 + current**2 * resistance * motor.thermal_resistance
             assert hottest < motor.max_temperature + 2.0
             assert motor.resistance * current + motor.torque_constant * speed <= motor.voltage
         assert motor.torque_constant * motor.max_speed < motor.voltage

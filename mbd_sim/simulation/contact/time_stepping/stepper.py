@@ -45,10 +45,7 @@ class FreeStep:
 
 
 class TimeStepper(OneSidedStepper):
-    """Advances a state by time stepping; see `OneSidedStepper` for what it reads and tells.
-
-    `unsolved` counts the steps whose impulses do not satisfy all laws.
-    """
+    """Advances a state by time stepping; see `OneSidedStepper` for what it reads and tells."""
 
     def __init__(self, equations: Equations, kernel: Kernel, *arguments: Any) -> None:
         """:param equations: of the mechanism, and `kernel` the compiled ones.
@@ -59,7 +56,6 @@ class TimeStepper(OneSidedStepper):
         self._kernel = kernel
         self._layout, self._constraints, self._open_rates = equations.layout, equations.constraints, equations.rates
         self._alone = [index for index, (_, gap) in enumerate(self._model.frictions) if gap is None]
-        self.unsolved = 0
 
     def find_modes(self, time: float, y: Array, inputs: Array) -> None:
         """See `OneSidedStepper`. Where contacts have no solution, they are open until the next step."""
@@ -195,5 +191,4 @@ class TimeStepper(OneSidedStepper):
                 name, change = self._model.names[gap], ContactChange.IMPACT
                 self._record(ContactEvent(free.end, name, change, impulse, added(losses), found.factor))
         if found.residual > ACCURATE:
-            self.unsolved += 1
             self._record(ContactEvent(free.end, "contacts", ContactChange.UNSOLVED, loss=found.residual))

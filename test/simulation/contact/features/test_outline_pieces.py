@@ -2,6 +2,7 @@
 
 import math
 import random
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,11 +10,27 @@ import pytest
 
 from mbd_sim.compiler.ir.python_kinds import packed
 from mbd_sim.mechanism.outlines.pieces import Outline, Round, polyline
-from mbd_sim.mechanism.outlines.table import POINT, PlaneMotion, table_of
+from mbd_sim.mechanism.outlines.table import POINT, table_of
 from mbd_sim.simulation.contact.compiled.features import pieces
 from mbd_sim.simulation.contact.compiled.library import called
 from mbd_sim.simulation.contact.features.outlines import pieces_of
 from test.generators.outlines import built, random_chain
+
+
+@dataclass(frozen=True)
+class PlaneMotion:
+    """The place of one plane in another: turned by the angle with this `cosine` and `sine`, then moved by x and y."""
+
+    cosine: float
+    sine: float
+    x: float
+    y: float
+
+    def points(self, points):
+        """Points (n, 2), turned and moved."""
+        x, y = np.asarray(points).T
+        turned = [self.cosine * x - self.sine * y, self.sine * x + self.cosine * y]
+        return np.stack(turned, axis=1) + np.array([self.x, self.y])
 
 
 def compiled(table):
