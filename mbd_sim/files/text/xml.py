@@ -71,7 +71,9 @@ def mended(text: str) -> tuple[str, tuple[str, ...]]:
             found.append((start, "a bare '&'"))
         return _BARE.sub("&amp;", spaced)
 
-    result = _TOKENS.sub(mend, text)
+    result = _TOKENS.sub(mend, text.rstrip("\0"))
+    if text.endswith("\0"):
+        found.append((len(text), "a NUL character at the end"))
     return result, tuple(f"{slip} (line {text.count(chr(10), 0, place) + 1})" for place, slip in found)
 
 

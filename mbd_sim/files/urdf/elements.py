@@ -242,13 +242,10 @@ def _limit(reading: Reading, joint: Element, kind: str, key: str, origins: Origi
         origins[(name,)] = reading.origin(limit, where)
     lower, upper = (reading.number(limit, name, where) or 0.0 for name in ("lower", "upper"))
     if kind != "continuous":
-        if lower > upper:
-            message = f"lower {lower:g} is above upper {upper:g}"
-            reading.report(limit, where, message, "Swap them.")
-        elif lower == upper:
-            reading.leave_out("limits without a range between them, taken as unlimited", key)
-        else:
+        if lower < upper:
             record["limits"] = {"lower": lower, "upper": upper}
+        else:
+            reading.leave_out_at("limits without a range between them, taken as unlimited", limit, key)
         if kind == "revolute" and any(LARGEST_ANGLE < abs(one) <= FULL_TURN for one in (lower, upper)):
             reading.leave_out("limits of revolute joints that look like degrees, taken as radians", key)
     for name in ("effort", "velocity"):

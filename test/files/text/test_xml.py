@@ -24,6 +24,7 @@ def test_slips_are_read_with_a_remark(text):
     for slipped, slip in (
         (f"{first}\n{RULER}\n{rest}", "'--' in a comment (line 2)"),
         (f'\n <?xml version="1.0"?>\n{text}', "a blank before <?xml (line 2)"),
+        (f"{text}\n\0", f"a NUL character at the end (line {text.count(chr(10)) + 2})"),
         (
             text.replace('name="j" type', 'name="j"type').replace('type="sphere" size', 'type="sphere"size'),
             "attributes",

@@ -1,6 +1,7 @@
 """URDF in: what each element becomes, and that a robot moves as its URDF says."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -128,6 +129,14 @@ def test_limits_damping_and_friction():
     assert joint.friction.coulomb == 0.02
     continuous = parse_mechanism(quadruped()).joints["FL_hip_joint"]
     assert continuous.limits == () and continuous.effort_limit == 23.7
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_limits_without_a_range_between_them_mean_none_as_in_bullet_and_gazebo(kind):
+    mechanism = pair(kind, '<axis xyz="0 0 1"/>\n<limit lower="1" upper="-1" effort="2" velocity="1"/>')
+    joint = mechanism.joints["j"]
+    assert joint.limits == () and joint.effort_limit == 2.0
+    assert any(re.search(r"limits without a range .* unlimited.*joint\[j\]", note) for note in mechanism.source.notes)
 
 
 @pytest.mark.parametrize(("upper", "said"), [("109", True), ("6.2832", False), ("1e9", False)])
@@ -298,7 +307,7 @@ BROKEN = """<robot name="broken">
   <joint name="slide" type="prismatic">
     <parent link="a"/><child link="b"/>
     <axis xyz="0 0 0"/>
-    <limit lower="1" upper="-1" effort="-2"/>
+    <limit lower="-1" upper="1" effort="-2"/>
     <dynamics damping="-1"/>
     <mimic joint="hing"/>
   </joint>
@@ -316,7 +325,6 @@ def test_all_problems_are_reported_with_line_element_value_and_remedy():
         "r.urdf:10: link[b]: is given twice, first on line 9. Rename one of them.",
         "r.urdf:12: joint[hinge].child.link: there is no link 'c'. Valid: a, b.",
         "r.urdf:16: joint[slide].axis.xyz: must not be zero (got '0 0 0'). Write for example 0 0 1.",
-        "r.urdf:17: joint[slide].limit: lower 1 is above upper -1. Swap them.",
         "r.urdf:17: joint[slide].limit.effort: must not be negative (got '-2'). Write its size.",
         "r.urdf:18: joint[slide].dynamics.damping: must not be negative (got '-1'). Write its size.",
         "r.urdf:19: joint[slide].mimic.joint: there is no joint 'hing'. Did you mean 'hinge'?",
