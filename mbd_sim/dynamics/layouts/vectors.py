@@ -5,7 +5,7 @@ The inputs are efforts, wrenches on parts, commands, parameters, and the modes o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,10 +13,13 @@ import numpy as np
 
 from mbd_sim.base.geometry.arrays import require_finite, vector
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.linear_algebra import norm
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.mechanism.contents import commanded_drives, has_one_sided
 from mbd_sim.mechanism.elements.joint_types import STATES
 from mbd_sim.mechanism.mechanism import Mechanism
+
+TRIALS, SEED = 6, 1  # of states that are tried
 
 
 @record
@@ -44,6 +47,20 @@ def coordinate_layout(mechanism: Mechanism) -> CoordinateLayout:
         nq, nv = nq + joint_nq, nv + joint_nv
     drives = {name: slice(nq + STATES * i, nq + STATES * (i + 1)) for i, name in enumerate(commanded_drives(mechanism))}
     return CoordinateLayout(q, u, nq + STATES * len(drives), nv, drives)
+
+
+def trial_states(mechanism: Mechanism, layout: CoordinateLayout, start: Array) -> Iterator[tuple[float, Array]]:
+    """Times and states (n,), which begin with the coordinates: the start, and with all of these changed at random."""
+    yield 0.0, start
+    chance = np.random.default_rng(SEED)
+    for _ in range(TRIALS):
+        y = start.copy()
+        y[: layout.nq] += chance.normal(size=layout.nq)
+        for joint in mechanism.joints.values():
+            if joint.kind.quaternion is not None and not joint.drive:
+                first = layout.q[joint.name].start + joint.kind.quaternion
+                y[first : first + 4] /= norm(y[first : first + 4])
+        yield float(chance.uniform()), y
 
 
 AUDIT_STATES = ("work_applied", "work_drives", "dissipated")  # J, at the end of the integrated state y in this order

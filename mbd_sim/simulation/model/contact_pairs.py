@@ -6,19 +6,22 @@ without regard to loops decides whether they stay so.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from mbd_sim.base.errors import MechanismError, Problem
-from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.linear_algebra import norm, product
+from mbd_sim.dynamics.layouts.vectors import trial_states
 from mbd_sim.mechanism.elements.contacts import Ball, Barrel, Cam, Contact, PlanarBody, Solid
-from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.mechanism.parallel_axes import (
+    PARALLEL,
+    Poses,
+    are_thin_barrels,
+    axes_and_offset,
+    with_ground,
+)
 from mbd_sim.simulation.model.model import Model
-
-PARALLEL = 1e-5  # rad, and of their sizes, by which axes may tilt and ends move: the digits that people write
-TRIALS, SEED = 6, 1
 
 
 def require_computable_pairs(model: Model) -> None:
@@ -29,7 +32,7 @@ def require_computable_pairs(model: Model) -> None:
     pairs = [contact for contact in model.mechanism.contacts if _is_limited(contact)]
     if not pairs:
         return
-    trials = [dict(model.poses(time, y, model.inputs)) for time, y in _trial_states(model)]
+    trials = _trial_poses(model)
     if problems := [problem for contact in pairs for problem in _problems(model, contact, trials)]:
         raise MechanismError(problems)
 
@@ -37,9 +40,9 @@ def require_computable_pairs(model: Model) -> None:
 def endless_remarks(model: Model) -> Iterator[str]:
     """A sentence on each contact with a cam along whose axis the other body moves: the cam has no ends there."""
     cams = [contact for contact in model.mechanism.contacts if isinstance(contact.second, Cam)]
-    trials = [dict(model.poses(time, y, model.inputs)) for time, y in _trial_states(model)] if cams else []
+    trials = _trial_poses(model) if cams else []
     for contact in cams:
-        along = [_placed(contact, poses)[2] for poses in trials]
+        along = [axes_and_offset(contact, poses)[2] for poses in trials]
         if np.ptp(along) > PARALLEL * max(map(abs, along)):
             yield (
                 f"the cam of {contact.name!r} is endless along its axis, along which {contact.names[0]!r} moves: they "
@@ -56,25 +59,15 @@ def _is_limited(contact: Contact) -> bool:
     return isinstance(first, Ball) and first.radius == 0.0 and isinstance(second, Barrel)
 
 
-def _trial_states(model: Model) -> Iterator[tuple[float, Array]]:
-    """The start, and times and states with all coordinates changed."""
-    yield 0.0, model.start
-    chance, layout = np.random.default_rng(SEED), model.layout
-    for _ in range(TRIALS):
-        y = model.start.copy()
-        y[: layout.nq] += chance.normal(size=layout.nq)
-        for joint in model.mechanism.joints.values():
-            if joint.kind.quaternion is not None and not joint.drive:
-                first = layout.q[joint.name].start + joint.kind.quaternion
-                y[first : first + 4] /= norm(y[first : first + 4])
-        yield float(chance.uniform()), y
+def _trial_poses(model: Model) -> list[Poses]:
+    states = trial_states(model.mechanism, model.layout, model.start)
+    return [with_ground(dict(model.poses(time, y, model.inputs))) for time, y in states]
 
 
-def _planar_problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> Iterator[Problem]:
+def _planar_problems(model: Model, contact: Contact, trials: Sequence[Poses]) -> Iterator[Problem]:
     """Those of outlines: the plane must not tilt in the frame of the other body, and outlines face the same side."""
     bodies = contact.first, contact.second
-    ground = {GROUND: Pose(np.zeros(3), np.eye(3))}
-    frames = [[(poses | ground)[body.at.part].rotation for body in bodies] for poses in trials]
+    frames = [[poses[body.at.part].rotation for body in bodies] for poses in trials]
     outlines = [(frame, body) for frame, body in zip(zip(*frames, strict=True), bodies, strict=True)
                 if isinstance(body, PlanarBody)]  # fmt: skip
     start = product(outlines[0][0][0], outlines[0][1].axes[:, 2])
@@ -98,19 +91,19 @@ def _planar_problems(model: Model, contact: Contact, trials: list[dict[str, Pose
         )
 
 
-def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> Iterator[Problem]:
+def _problems(model: Model, contact: Contact, trials: Sequence[Poses]) -> Iterator[Problem]:
     first, second = contact.first, contact.second
     if isinstance(first, PlanarBody) or isinstance(second, PlanarBody):
         yield from _planar_problems(model, contact, trials)
         return
-    placed = [_placed(contact, poses) for poses in trials]
+    placed = [axes_and_offset(contact, poses) for poses in trials]
     tilts = [norm(np.cross(one, other)) for one, other, _ in placed]
     along = np.array([offset for _, _, offset in placed])
     radius = getattr(second, "radius", 0.0)
     names = f"'{contact.names[0]}' and '{contact.names[1]}'"
     where, problem = ("contacts", contact.name), model.mechanism.source.problem
     if contact.slots and (max(tilts) > PARALLEL or np.ptp(along) > PARALLEL * radius):
-        if all(isinstance(body, Barrel) and body.length == 0.0 for body in (first, second)):
+        if are_thin_barrels(contact):
             yield problem(
                 where,
                 f"{names} have no thickness, so that they would pass through each other",
@@ -137,20 +130,3 @@ def _problems(model: Model, contact: Contact, trials: list[dict[str, Pose]]) -> 
                 f"{names} never touch: they are {apart:.4g} m apart along the axis",
                 "Move their shapes into one plane, lengthen a cylinder, or remove the contact.",
             )
-
-
-def _placed(contact: Contact, poses: dict[str, Pose]) -> tuple[Array, Array, float]:
-    """The axes (3,) of both bodies, and how far in m the first is along the second's."""
-    first, second = contact.first, contact.second
-    ground = {GROUND: Pose(np.zeros(3), np.eye(3))}
-    frames = [(poses | ground)[body.at.part] for body in (first, second)]
-    places = [
-        frame.position + product(frame.rotation, body.at.point)
-        for frame, body in zip(frames, (first, second), strict=True)
-    ]
-    other = second.axes[:, 2] if isinstance(second, Cam) else second.axis if isinstance(second, Barrel) else np.zeros(3)
-    axes = [
-        product(frames[0].rotation, first.axis if isinstance(first, Barrel) else other),
-        product(frames[1].rotation, other),
-    ]
-    return axes[0], axes[1], float(product(axes[1], places[0] - places[1]))
