@@ -419,13 +419,18 @@ def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
     """The axis of ground, 0, 1 or 2, about which all parts turn and along which none moves; None without one."""
     unit = np.eye(3)
     for axis in range(3):
-        columns = [pose.rotation[:, axis] - constant(unit[axis]) for pose in poses]
+        columns = [ca.sparsify(pose.rotation[:, axis] - constant(unit[axis])) for pose in poses]
         if all(
-            not ca.sparsify(column).nnz() and not ca.symvar(pose.position[axis])
+            _is_round_off(column) and not ca.symvar(pose.position[axis])
             for column, pose in zip(columns, poses, strict=True)
         ):
             return axis
     return None
+
+
+def _is_round_off(column: ca.SX) -> bool:
+    """Whether differences of unit vectors are constant and zero, as those of axes that are turned there and back."""
+    return column.is_constant() and bool(np.all(np.abs(ca.DM(column).full()) <= UNIT))
 
 
 def _places(traced: TracedMechanism, still: int | None) -> dict[str, float]:

@@ -6,19 +6,20 @@ A D² Aᵀ), the gap along a unit normal n, which points from the second body to
     g(n) = n·(c_A - c_B) - √(n·K_A n) - √(n·K_B n) - r_A - r_B.
 
 The normal of a face is fixed in its part. Two sides, with n·d_B = k_B and -n·d_A = k_A, determine it in closed form.
-Otherwise g(n) is the largest of those normals that a side admits, or of all. That of a rounded point and a rim, or a
-tip, is in closed form as well; others are found by Newton steps from a hint among the numbers, which is renewed after
-each step. The rate is the velocity along the normal of the points that touch. A slot without features has zeros only;
-its gap is then the natural length.
+Otherwise g(n) is the largest of those normals that a side admits, or of all. That of a rounded point and a rim, a tip
+or a side is in closed form as well; others are found by Newton steps from a hint among the numbers, which is renewed
+after each step. Of a rounded edge and a rim, the direction from the center of the rim is found so in place of the
+normal: see `simulation/contact/compiled/features/round/rounded_edges.py`. The rate is the velocity along the normal of
+the points that touch. A slot without features has zeros only; its gap is then the natural length.
 
 The numbers of a slot are c_A and c_B (6) from the points at which the bodies are attached, in the axes of their parts;
 the directions d of sides (6), zero for other features; the radii in m of circles (2), 1 for an ellipsoid and 0 for a
 point; the cosines k (2); 1 for the way in which the normal is found, and 0 for the other three (4); which of two
 normals two sides have, 1 or -1; 1 if the contact point is on the corner of the second body, and 0 if it is on that of
-the first one, or where both sides cross; the normal (3) in the axes of the second part, or of the first one if it is
-fixed there; a direction across it (3) in the second part; the radii (2) of rims that lie flat, of which points protrude
-(see `shapes`); 1 where a sharp edge crosses a rim; and the key, by which the narrow phase knows what touches; 0 is not
-a key.
+the first one, or where both sides cross; the normal or direction (3) in the axes of the second part, or of the first
+one if it is fixed there; a direction across it (3) in the second part; the radii (2) of rims that lie flat, of which
+points protrude (see `shapes`); 1 where a sharp edge crosses a rim; and the key, by which the narrow phase knows what
+touches; 0 is not a key.
 
 Where an edge p + s d crosses a rim with the radius ρ around c, seen along the axis a of this end, its normal is that of
 the edge and the tangent of the rim. With r, the part of p + s d - c across a,
@@ -90,10 +91,11 @@ def smooth_touch(
         axis, edge = frames[end].rotation @ hint, (d_b, d_a)[end]
         crossing = _crossing(line if end else -line, edge, axis, numbers[12 + end], sign, crossed)
         fixed += crossed * (crossing.normal if end else -crossing.normal)
-    search = _Search(line, grams, free * (d_a + d_b), free * (k_b - k_a), side, free)
+    search: _Search | _RoundedSearch = _Search(line, grams, free * (d_a + d_b), free * (k_b - k_a), side, free)
     if (rounded := _rounded(bodies)) is not None:
         axis, radius = _axis(bodies[1 - rounded], frames[1 - rounded]), numbers[13 - rounded]
-        search = _RoundedSearch(**vars(search), axis=axis, radius=radius)
+        sides = free * (d_a, d_b)[rounded], free * (d_b, d_a)[rounded]
+        search = _RoundedSearch(line, *sides, free * (k_b - k_a), axis, radius, free)
     iterated, normal, toward = search.found(fixed, second.rotation @ hint)
     arms = [_arm(gram, toward) for gram in grams]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
@@ -144,25 +146,47 @@ class _Search:
 
 
 @dataclass(frozen=True, eq=False)
-class _RoundedSearch(_Search):
-    """The search where one of the bodies is rounded, and the other one has rims with this `axis`.
+class _RoundedSearch:
+    """The search where one of the bodies is a rounded point or edge, and the other one has rims with this `axis`.
 
-    The normal of a rounded point and a rim, or a tip, is in closed form. Beyond the plane of a rim, g(n) has a kink at
-    its axis, through which the normal passes as the point comes to be on the end; the nearest point of a rim has none.
+    Only the place of an edge at a rim is iterated: as the direction w from the center of the rim, which is smooth where
+    the normal passes through the axis, and g(n) has a kink. With v, the line from the rim to the edge and across it, it
+    is where (axis × w)·v = 0. All others are in closed form.
     """
 
+    line: ca.SX
+    edge: ca.SX
+    side: ca.SX
+    cosine: ca.SX
     axis: ca.SX
     radius: ca.SX
+    used: ca.SX
 
     def found(self, fixed: ca.SX, hint: ca.SX) -> tuple[IteratedNormal, ca.SX, ca.SX]:
         """See `_Search`."""
-        at_point = self.used * (ca.dot(self.bound, self.bound) < 0.5)
+        on_edge = self.used * (ca.dot(self.edge, self.edge) > 0.5)
+        on_side = self.used * (ca.dot(self.side, self.side) > 0.5)
+        at_rim = on_edge * (self.radius > 0.0)
+        symbols, value = ca.SX.sym("direction", 3), at_rim * hint
+        for _ in range(NEWTON_STEPS):
+            value = self._following(value, at_rim)
+        iterated = IteratedNormal(symbols, value, self._following(symbols, at_rim))
         outward = _unit(self.line - self.axis * ca.dot(self.axis, self.line))
-        fixed += at_point * _unit(self.line - self.radius * outward)
-        steps = self.used - at_point
-        others = _Search(self.line, [steps * gram for gram in self.grams], self.bound, self.cosine, self.side, steps)
-        iterated, normal, toward = others.found(fixed, hint)
-        return iterated, normal, at_point * outward + (1.0 - at_point) * toward
+        toward = at_rim * symbols + (self.used - at_rim) * outward
+        normal = fixed + (self.used - on_side) * _unit(self._across(self.line - self.radius * toward))
+        normal += on_side * (self.cosine * self.side + ca.sqrt(1.0 - self.cosine * self.cosine) * outward)
+        return iterated, normal, toward + (1.0 - self.used) * fixed
+
+    def _following(self, given: ca.SX, at_rim: ca.SX) -> ca.SX:
+        """The direction after one of Newton's steps."""
+        toward = _unit(given - self.axis * ca.dot(self.axis, given))
+        tangent, apart = ca.cross(self.axis, toward), self._across(self.line - self.radius * toward)
+        along = ca.dot(self.edge, tangent)
+        firm = ca.dot(toward, apart) + self.radius * (1.0 - along * along)
+        return _unit(toward + at_rim * ca.dot(tangent, apart) / (at_rim * firm + 1.0 - at_rim) * tangent)
+
+    def _across(self, vector: ca.SX) -> ca.SX:
+        return vector - self.edge * ca.dot(self.edge, vector)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,17 +28,21 @@ from mbd_sim.simulation.contact.compiled import (
 )
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
-    crossings,
-    flat_rims,
-    meetings,
-    normals,
     outlines,
     pieces,
     polytope_distances,
     polytopes,
-    round_bodies,
-    smooth,
     vectors,
+)
+from mbd_sim.simulation.contact.compiled.features.round import (
+    bodies,
+    crossings,
+    flat_rims,
+    meetings,
+    normals,
+    rounded_edges,
+    slots,
+    smooth,
 )
 from mbd_sim.simulation.contact.compiled.instant import (
     candidate_forces,
@@ -54,6 +58,7 @@ from mbd_sim.simulation.contact.compiled.instant import (
 
 MODULES: tuple[ModuleType, ...] = (
     barrels,
+    bodies,
     candidate_forces,
     collocation,
     contacts,
@@ -73,11 +78,12 @@ MODULES: tuple[ModuleType, ...] = (
     pieces,
     polytope_distances,
     polytopes,
-    round_bodies,
+    rounded_edges,
     search,
     shared_forces,
     sliding,
     slip,
+    slots,
     smooth,
     step,
     step_impulses,

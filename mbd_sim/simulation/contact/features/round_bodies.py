@@ -19,7 +19,7 @@ from mbd_sim.base.rounded import sines_cosines
 from mbd_sim.dynamics.constraints.rows import perpendiculars
 from mbd_sim.dynamics.contact.shapes import POINTS
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Curved, EllipsoidBody, Solid
-from mbd_sim.simulation.contact.compiled.features.round_bodies import RoundHull
+from mbd_sim.simulation.contact.compiled.features.round.bodies import RoundHull
 from mbd_sim.simulation.contact.features.polytopes import cross, dots
 
 

@@ -1,4 +1,4 @@
-"""Two convex bodies of which at least one is round, for `compiled.features.smooth`."""
+"""Two convex bodies of which at least one is round, for `compiled.features.round.smooth`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE
 from mbd_sim.mechanism.elements.contacts import Curved, Solid
-from mbd_sim.simulation.contact.compiled.features.normals import (
+from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
     CORNER_SIDE,
     SIDE_CORNER,

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.features.normals import (
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, PlacedRound, RoundHull, middle
+from mbd_sim.simulation.contact.compiled.features.round.normals import (
     EDGE_RIM,
     FIRST,
     KIND,
@@ -18,12 +19,13 @@ from mbd_sim.simulation.contact.compiled.features.normals import (
     RoundBodies,
     support,
 )
-from mbd_sim.simulation.contact.compiled.features.round_bodies import CROSSED, PlacedRound, RoundHull, middle
 from mbd_sim.simulation.contact.compiled.features.vectors import add, cross, dot, scale, size_of, subtract
 
-# Two features that meet, or could: their unit normal, gap, margin, and the point at which they meet.
-NORMAL, GAP, MARGIN, POINT = 0, 3, 4, 5
-MEETING = 8
+# Two features that meet, or could: their unit normal, gap, margin, and the point at which they meet; the direction from
+# which a row iterates, which is mostly the normal, and how far it may turn from there.
+NORMAL, GAP, MARGIN, POINT, TOWARD, FREE = 0, 3, 4, 5, 8, 11
+MEETING = 12
+HINT = 0.1  # rad by which a normal may turn from its hint
 # Sines of the tilt of a normal against the axis of a rim: at most that of a crossing; up to which one is offered; from
 # which on the normal of an edge and a rim is iterated instead; and below which it is not any more. Nearer to the axis,
 # where the support of the rim has a kink, steps from the last normal may lead past the next one.

@@ -9,10 +9,20 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.dynamics.contact.shapes import FLAT_TILT, POINTS
-from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
-from mbd_sim.simulation.contact.compiled.features.crossings import (
+from mbd_sim.dynamics.contact.shapes import FLAT_TILT
+from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE
+from mbd_sim.simulation.contact.compiled.features.polytopes import BORDER, SUPPORT, TURNED
+from mbd_sim.simulation.contact.compiled.features.round.bodies import (
+    FLAT,
+    PlacedRound,
+    codes,
+    lies,
+    put_round,
+    tilt,
+)
+from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     CROSSING,
+    FREE,
     GAP,
     ITERABLE,
     LEAST_ITERABLE,
@@ -20,14 +30,16 @@ from mbd_sim.simulation.contact.compiled.features.crossings import (
     MEETING,
     NORMAL,
     POINT,
+    STEEP,
+    TOWARD,
     crossings_gap,
     is_crossed,
     is_steep,
     meet_crossing,
 )
-from mbd_sim.simulation.contact.compiled.features.flat_rims import with_flat_rims
-from mbd_sim.simulation.contact.compiled.features.meetings import meet
-from mbd_sim.simulation.contact.compiled.features.normals import (
+from mbd_sim.simulation.contact.compiled.features.round.flat_rims import with_flat_rims
+from mbd_sim.simulation.contact.compiled.features.round.meetings import meet
+from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
     CORNER_FACE,
     CORNER_SIDE,
@@ -41,7 +53,6 @@ from mbd_sim.simulation.contact.compiled.features.normals import (
     RIM_EDGE,
     SECOND,
     SIDE_CORNER,
-    SIDE_SIDE,
     SIGN,
     STARTS,
     RoundBodies,
@@ -52,33 +63,26 @@ from mbd_sim.simulation.contact.compiled.features.normals import (
     start_direction,
     support,
 )
-from mbd_sim.simulation.contact.compiled.features.polytopes import BORDER, COUNT, SUPPORT, TURNED
-from mbd_sim.simulation.contact.compiled.features.round_bodies import (
-    CHORD,
-    CODES,
-    FLAT,
-    PlacedRound,
-    codes,
-    lies,
-    put_round,
-    tilt,
+from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
+    end_of_chord,
+    is_at_rim,
+    meet_at_rim,
+    nearest_at_rim,
+    tilt_at_rim,
 )
+from mbd_sim.simulation.contact.compiled.features.round.slots import decode, is_crossing, is_iterated, write_slot
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
     copy,
     cross,
     distance_of,
-    least_axis,
     place,
-    place_back,
     scale,
     size_of,
-    subtract,
     turn,
     turn_back,
 )
 
-HINT = 0.1  # rad by which a normal may turn from its hint
 LEVEL = 1e-9  # sine of the angle at which an edge that crosses a rim comes to lie on the end within it
 ROUND_OFF = 1e-6  # of `near`: a distance that is not less is at least the one found first
 
@@ -96,12 +100,12 @@ def smooth_distance(p: RoundBodies, one: Array, other: Array) -> float:
 
 def smooth_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
     """The distance of both bodies."""
-    key, normal, simple = integers(KEY), zeros(3), simple_count(p)
+    key, normal, toward, simple = integers(KEY), zeros(3), zeros(3), simple_count(p)
     apart = crossings_gap(p, a, b, max(simple_gap(p, a, b), starts_gap(p, a, b)))
     if not (apart > ROUND_OFF * p.near or is_on_face(p, a, b, apart)):
         for index in range(simple, simple + p.count):
             key_at(p, index, key)
-            iterated_normal(a, b, key, normal, False, normal)
+            iterate(p, a, b, key, normal, toward)
             apart = max(apart, support(p, a, b, normal))
     return with_flat_rims(p, a, b, apart)
 
@@ -149,14 +153,14 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
     b = PlacedRound(
         p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
     )
-    key, normal, count, simple = integers(KEY), zeros(3), integers(1), simple_count(p)
-    normals, points = zeros(3 * p.count), zeros(3 * p.slots)
+    key, normal, toward, count, simple = integers(KEY), zeros(3), zeros(3), integers(1), simple_count(p)
+    normals, directions, points = zeros(3 * p.count), zeros(3 * p.count), zeros(3 * p.slots)
     put_round(a, one, other)
     put_round(b, other, other)
     apart = crossings_gap(p, a, b, simple_gap(p, a, b))
     for k in range(p.count):
         key_at(p, simple + k, key)
-        iterated_normal(a, b, key, normal, False, normals[3 * k :])
+        iterate(p, a, b, key, normals[3 * k :], directions[3 * k :])
         apart = max(apart, support(p, a, b, normals[3 * k :]))
     bottom = min(with_flat_rims(p, a, b, apart), 0.0) - SUPPORT * tolerance
     for index in range(simple + p.count):
@@ -165,7 +169,8 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
             consider_crossings(p, a, b, bottom, tolerance, slots, points, count)
         if index >= simple:
             copy(normals[3 * (index - simple) :], normal)
-            if count[0] > 0 and level(p, a, b, key, normal, FLAT, ITERABLE) < 0.0:
+            copy(directions[3 * (index - simple) :], toward)
+            if count[0] > 0 and level(p, a, b, key, normal, toward, FLAT, ITERABLE) < 0.0:
                 continue
         elif not simple_normal(a, b, key, normal):
             continue
@@ -175,13 +180,23 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
         if is_face:
             consider_face(p, a, b, key, normal, bottom, tolerance, slots, points, count)
         else:
-            consider(p, a, b, key, normal, normal, bottom, tolerance, slots, points, count)
+            consider(p, a, b, key, normal, toward, bottom, tolerance, slots, points, count)
     return count[0]
 
 
+def iterate(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array) -> None:
+    """The normal of a pair of features that is iterated, and the direction from which a row does that."""
+    if is_at_rim(p, a, b, key):
+        nearest_at_rim(a, b, key, toward, normal)
+    else:
+        iterated_normal(a, b, key, normal, False, normal)
+        copy(normal, toward)
+
+
 def level(
-    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, limit: float, crossed: float
-) -> float:
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array, limit: float,
+    crossed: float,
+) -> float:  # fmt: skip
     """In m, negative where an edge lies on the end of a body so flat that it has no normal of its own at the rim.
 
     There the support of the rim has no derivative; its crossings, or points of edges and the corners on this end, carry
@@ -189,6 +204,8 @@ def level(
 
     :param limit: the sine of the angle up to which it lies flat; `crossed` is that of edges with crossings.
     """
+    if is_at_rim(p, a, b, key):
+        return math.inf if is_crossing(key[KIND]) else tilt_at_rim(a, b, key, normal, toward, limit, crossed)
     if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]] and b.hull.curved[key[SECOND]]:
         if p.radius == 0.0 and is_crossed(a, key[FIRST], b, key[SECOND]):
             limit = crossed
@@ -207,6 +224,8 @@ def consider_crossings(
     """Write the slots of sharp edges that cross the rims of round ends on which they lie, nearly or entirely."""
     key = integers(KEY)
     if p.radius > 0.0:
+        consider_chord(p, a, b, EDGE_RIM, bottom, top, slots, points, count)
+        consider_chord(p, a, b, RIM_EDGE, bottom, top, slots, points, count)
         return
     key[KIND] = EDGE_RIM
     for face in range(0 if a.hull.is_curved else b.hull.faces):
@@ -235,12 +254,29 @@ def consider_crossing(
             consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
 
 
+def consider_chord(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, bottom: float, top: float, slots: Array, points: Array,
+    count: Integers,
+) -> None:  # fmt: skip
+    """Write the slots of both ends of the chord of a rounded edge that lies on a round end, nearly or entirely."""
+    key, toward, normal, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
+    key[KIND] = kind
+    for i in range(a.hull.sides if kind == EDGE_RIM else a.hull.count):
+        for j in range(b.hull.count if kind == EDGE_RIM else b.hull.sides):
+            for number in range(2):
+                key[FIRST], key[SECOND], key[SIGN] = i, j, 2 * number - 1
+                if is_at_rim(p, a, b, key) and end_of_chord(a, b, key, toward):
+                    meet(p, a, b, key, normal, toward, meeting)
+                    if tilt_at_rim(a, b, key, meeting[NORMAL:], meeting[TOWARD:], STEEP, STEEP) <= 0.0:
+                        consider(p, a, b, key, normal, toward, bottom, top, slots, points, count)
+
+
 def consider_face(
     p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, bottom: float, top: float,
     slots: Array, points: Array, count: Integers,
 ) -> None:  # fmt: skip
     """Write the slots of all that touches at a face: corners, and points that are fixed in what lies on it."""
-    body, other, at, own, part = a, b, zeros(3), FIRST, CHORD if p.radius > 0.0 else 0.0
+    body, other, at, own = a, b, zeros(3), FIRST
     face, kind = key[SECOND], POINT_FACE
     if key[KIND] == FACE_CORNER:
         body, other, own = b, a, SECOND
@@ -250,7 +286,7 @@ def consider_face(
         consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
     key[KIND] = kind
     for code in range(codes(body.hull)):
-        if lies(body, other, face, code, part, at):
+        if lies(body, other, face, code, 0.0, at):
             key[own] = code
             consider(p, a, b, key, normal, at, bottom, top, slots, points, count)
 
@@ -268,7 +304,7 @@ def consider(
         if distance_of(meeting[POINT:], points[3 * k :]) <= p.near:
             return
     copy(meeting[POINT:], points[3 * count[0] :])
-    write_slot(a, b, key, meeting, slots[SMOOTH_SIZE * count[0] :])
+    write_slot(p, a, b, key, meeting, slots[SMOOTH_SIZE * count[0] :])
     count[0] += 1
 
 
@@ -283,7 +319,9 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     put_round(a, one, other)
     put_round(b, other, other)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
-    if not is_crossing(key[KIND]):
+    if is_at_rim(p, a, b, key):
+        turn(b.pose, numbers[22:], at)
+    elif not is_crossing(key[KIND]):
         stored_normal(a, b, key, numbers, normal)
     if key[KIND] == POINT_FACE:
         add(numbers, 1.0, p.first.at, own)
@@ -299,11 +337,10 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     copy(normal, spot[3:])
     spot[6] = meeting[GAP]
     margin = min(meeting[MARGIN], size_of(side) - TURNED)
-    if is_iterated(key[KIND]):
+    if is_iterated(p, key[KIND]):
         turn(b.pose, numbers[22:], stored)
-        margin = min(
-            min(margin, HINT - distance_of(normal, stored)), level(p, a, b, key, normal, LEVEL, LEAST_ITERABLE)
-        )
+        margin = min(margin, meeting[FREE] - distance_of(meeting[TOWARD:], stored))
+        margin = min(margin, level(p, a, b, key, normal, meeting[TOWARD:], LEVEL, LEAST_ITERABLE))
     return margin
 
 
@@ -313,100 +350,25 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
     b = PlacedRound(
         p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
     )
-    key, normal = integers(KEY), zeros(3)
+    key, normal, meeting = integers(KEY), zeros(3), zeros(MEETING)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
-    if is_iterated(key[KIND]):
+    if is_iterated(p, key[KIND]):
         put_round(a, one, other)
         put_round(b, other, other)
-        stored_normal(a, b, key, numbers, normal)
+        if is_at_rim(p, a, b, key):
+            turn(b.pose, numbers[22:], normal)
+            meet_at_rim(p, a, b, key, normal, meeting)
+            copy(meeting[TOWARD:], normal)
+        else:
+            stored_normal(a, b, key, numbers, normal)
         turn_back(b.pose, normal, numbers[22:])
-
-
-def is_iterated(kind: int) -> bool:
-    """Whether the normal of a kind of pairs is iterated."""
-    return kind in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER)
-
-
-def is_crossing(kind: int) -> bool:
-    """Whether the features of a kind are an edge and a rim that it crosses."""
-    return kind in (EDGE_RIM, RIM_EDGE)
 
 
 def stored_normal(a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array, out: Array) -> None:
     """The normal of a pair of features, from the hint among the numbers of its slot."""
     start = zeros(3)
-    if is_iterated(key[KIND]):
+    if key[KIND] in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER):
         turn(b.pose, numbers[22:], start)
         iterated_normal(a, b, key, start, True, out)
     else:
         simple_normal(a, b, key, out)
-
-
-def encoded(key: Integers) -> int:
-    """A pair of features as one number."""
-    return 1 + ((key[KIND] * COUNT + key[FIRST]) * COUNT + key[SECOND]) * 2 + (1 if key[SIGN] > 0 else 0)
-
-
-def decode(number: int, key: Integers) -> None:
-    """The pair of features with this number."""
-    rest = number - 1
-    key[KIND] = rest // (2 * COUNT * COUNT)
-    key[FIRST], key[SECOND] = rest // (2 * COUNT) % COUNT, rest // 2 % COUNT
-    key[SIGN] = 2 * (rest % 2) - 1 if key[KIND] == SIDE_SIDE or is_crossing(key[KIND]) else 0
-
-
-def write_slot(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
-    """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`."""
-    kind, own, mode = key[KIND], zeros(3), ITERATED
-    for k in range(SMOOTH_SIZE):
-        slot[k] = 0.0
-    is_side, is_face = kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), kind in (FACE_CORNER, FACE_POINT, RIM_EDGE)
-    write_body(a, 0, key[FIRST], is_side, is_face, kind, meeting, slot)
-    is_side, is_face = kind in (SIDE_SIDE, CORNER_SIDE, RIM_EDGE), kind in (CORNER_FACE, POINT_FACE, EDGE_RIM)
-    write_body(b, 1, key[SECOND], is_side, is_face, kind, meeting, slot)
-    if kind in (CORNER_FACE, POINT_FACE):
-        mode = FIXED_SECOND
-    elif kind in (FACE_CORNER, FACE_POINT):
-        mode = FIXED_FIRST
-    elif kind == SIDE_SIDE:
-        mode = TWO_SIDES
-    if not is_crossing(kind):
-        slot[16 + mode] = 1.0
-    slot[20] = key[SIGN]
-    slot[21] = 1.0 if kind in (FACE_CORNER, FACE_POINT, SIDE_CORNER) else 0.0
-    turn_back(b.pose, meeting[NORMAL:], own)
-    copy(own, slot[22:])
-    least_axis(own, slot[25:])
-    if mode == FIXED_FIRST:
-        turn_back(a.pose, meeting[NORMAL:], slot[22:])
-    if is_crossing(kind):
-        slot[30] = 1.0
-    if kind == EDGE_RIM:
-        copy(b.hull.normals[3 * key[SECOND] :], slot[22:])
-    if kind == RIM_EDGE:
-        copy(a.hull.normals[3 * key[FIRST] :], slot[22:])
-    slot[SMOOTH_SIZE - 1] = encoded(key)
-
-
-def write_body(
-    body: PlacedRound, own: int, feature: int, is_side: bool, is_face: bool, kind: int, meeting: Array, slot: Array
-) -> None:
-    """The numbers of a slot that belong to one of the bodies: its corner, rim, direction, cosine and flat rim."""
-    hull, is_point = body.hull, kind in (POINT_FACE, FACE_POINT) and not is_face
-    corner, at = feature, zeros(3)
-    if is_side:
-        corner = hull.ends[2 * feature]
-        copy(hull.directions[3 * feature :], slot[6 + 3 * own :])
-        slot[14 + own] = hull.cosines[feature]
-    if is_point:
-        place_back(body.pose, meeting[POINT:], at)
-        if feature % CODES < POINTS:
-            slot[28 + own] = hull.rims[feature // CODES]
-    elif is_face:
-        copy(hull.centers[3 * feature :], at)
-        if is_crossing(kind):
-            slot[12 + own] = hull.face_radii[feature]
-    else:
-        copy(hull.corners[3 * corner :], at)
-        slot[12 + own] = hull.marks[corner]
-    subtract(at, hull.at, slot[3 * own :])

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.features.round_bodies import (
+from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     PlacedRound,
     RoundHull,
     add_bend,

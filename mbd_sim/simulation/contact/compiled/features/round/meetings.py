@@ -6,8 +6,29 @@ import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import POINTS
-from mbd_sim.simulation.contact.compiled.features.crossings import GAP, MARGIN, NORMAL, POINT, meet_crossing
-from mbd_sim.simulation.contact.compiled.features.normals import (
+from mbd_sim.simulation.contact.compiled.features.round.bodies import (
+    CODES,
+    CROSSED,
+    PlacedRound,
+    beside,
+    farthest,
+    inside,
+    lead,
+    middle,
+    point_protrusion,
+    tilted,
+)
+from mbd_sim.simulation.contact.compiled.features.round.crossings import (
+    FREE,
+    GAP,
+    HINT,
+    MARGIN,
+    NORMAL,
+    POINT,
+    TOWARD,
+    meet_crossing,
+)
+from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
     CORNER_FACE,
     CORNER_SIDE,
@@ -24,29 +45,24 @@ from mbd_sim.simulation.contact.compiled.features.normals import (
     RoundBodies,
     is_point_at_rim,
 )
-from mbd_sim.simulation.contact.compiled.features.round_bodies import (
-    CODES,
-    CROSSED,
-    PlacedRound,
-    beside,
-    farthest,
-    inside,
-    lead,
-    middle,
-    point_protrusion,
-    tilted,
-)
+from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim, meet_at_rim
 from mbd_sim.simulation.contact.compiled.features.vectors import add, copy, divide, dot, size_of, subtract
 
 
 def meet(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, at: Array, out: Array) -> None:
     """Two features with a normal: points of sides and of faces are those of the other feature's corner.
 
-    :param at: of `POINT_FACE` and `FACE_POINT`, the point that is fixed in one of the bodies.
+    :param at: of `POINT_FACE` and `FACE_POINT`, the point that is fixed in one of the bodies; of a rounded edge at a
+        rim, the direction near which they touch.
     """
     kind, i, j = key[KIND], key[FIRST], key[SECOND]
     copy(normal, out[NORMAL:])
-    if kind in (EDGE_RIM, RIM_EDGE):
+    copy(normal, out[TOWARD:])
+    out[FREE] = HINT
+    if is_at_rim(p, a, b, key):
+        meet_at_rim(p, a, b, key, at, out)
+        add_own_margins(a, b, kind, i, j, out)
+    elif kind in (EDGE_RIM, RIM_EDGE):
         meet_crossing(a, b, key, out)
     elif kind == POINT_FACE:
         meet_fixed(p, a, i, b, j, 1.0, at, out)
@@ -70,7 +86,7 @@ def meet_fixed(
     out[GAP] = sign * dot(out[NORMAL:], line) - p.radius - point_protrusion(body, code, out[NORMAL:])
     out[MARGIN] = inside(other, face, at)
     copy(at, out[POINT:])
-    if code % CODES >= POINTS and p.radius == 0.0:  # the middle of a chord, until the ends of this can carry the edge
+    if code % CODES >= POINTS:  # the middle of a chord, until the ends of this can carry the edge
         radius = other.hull.face_radii[face]
         half = math.sqrt(max(0.0, (2.0 * radius - out[MARGIN]) * out[MARGIN]))
         out[MARGIN] = min(out[MARGIN], 2.0 * CROSSED * radius - half)
@@ -101,12 +117,17 @@ def meet_round(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, i: int
         copy(other, out[POINT:])
     if kind == SIDE_SIDE:
         crossing(a, i, b, j, normal, at, other, out[POINT:])
-    out[MARGIN] = min(
-        own_margin(a, i, first_side, normal, -1.0, out[POINT:]),
-        own_margin(b, j, second_side, normal, 1.0, out[POINT:]),
-    )
+    out[MARGIN] = math.inf
+    add_own_margins(a, b, kind, i, j, out)
     if kind == CORNER_CORNER and is_point_at_rim(a, i, b, j):
         out[MARGIN] = min(out[MARGIN], beside(b, j, at) if b.hull.curved[j] else beside(a, i, other))
+
+
+def add_own_margins(a: PlacedRound, b: PlacedRound, kind: int, i: int, j: int, out: Array) -> None:
+    """Reduce the margin to those of both features, sides or corners."""
+    first = own_margin(a, i, kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), out[NORMAL:], -1.0, out[POINT:])
+    second = own_margin(b, j, kind in (SIDE_SIDE, CORNER_SIDE, RIM_EDGE), out[NORMAL:], 1.0, out[POINT:])
+    out[MARGIN] = min(out[MARGIN], min(first, second))
 
 
 def own_margin(body: PlacedRound, feature: int, is_side: bool, normal: Array, sign: float, point: Array) -> float:

@@ -24,8 +24,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 LEAST = 1e-30  # of √(n·K n) in m, which is zero along the axis of a rim
 FLAT = 1e-6  # sine of the angle below which an edge lies on a face
 CODES = POINTS + 2  # numbers of points of a rim, and of an edge
-CHORD = 0.98  # of the chord of a rounded edge across a disc, the part that carries this
-CROSSED = 1e-3  # of the radius of a disc: half of a chord, up to which its middle carries a sharp edge
+CROSSED = 1e-3  # of the radius of a disc: half of a chord, up to which its middle carries an edge
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,17 @@ import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, integers, zeros
 from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT, POINTS
-from mbd_sim.simulation.contact.compiled.features.crossings import GAP, MARGIN, MEETING
-from mbd_sim.simulation.contact.compiled.features.meetings import meet
-from mbd_sim.simulation.contact.compiled.features.normals import (
+from mbd_sim.simulation.contact.compiled.features.round.bodies import (
+    CODES,
+    PlacedRound,
+    codes,
+    inside,
+    lies,
+    tilt,
+)
+from mbd_sim.simulation.contact.compiled.features.round.crossings import GAP, MARGIN, MEETING
+from mbd_sim.simulation.contact.compiled.features.round.meetings import meet
+from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_FACE,
     FACE_CORNER,
     FACE_POINT,
@@ -20,15 +28,6 @@ from mbd_sim.simulation.contact.compiled.features.normals import (
     SIGN,
     RoundBodies,
     support,
-)
-from mbd_sim.simulation.contact.compiled.features.round_bodies import (
-    CHORD,
-    CODES,
-    PlacedRound,
-    codes,
-    inside,
-    lies,
-    tilt,
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import dot, scale, subtract
 
@@ -94,7 +93,7 @@ def points_of_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, fa
     key[KIND], key[SIGN] = kind, 0
     scale(sign, other.normals[3 * face :], normal)
     for code in range(codes(body.hull)):
-        if code % CODES < POINTS and lies(body, other, face, code, CHORD, at) and inside(other, face, at) >= 0.0:
+        if code % CODES < POINTS and lies(body, other, face, code, 1.0, at) and inside(other, face, at) >= 0.0:
             key[FIRST], key[SECOND] = code, face
             if kind == FACE_POINT:
                 key[FIRST], key[SECOND] = face, code
@@ -108,7 +107,6 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
     """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies flat."""
     sign, body, other, face = 1.0, a, b, 0
     key, outward, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
-    part = CHORD if p.radius > 0.0 else 1.0
     if kind == FACE_POINT:
         sign, body, other = -1.0, b, a
     for k in range(body.hull.faces):
@@ -116,7 +114,7 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
             face = k
     scale(-sign, body.normals[3 * face :], outward)
     for code in range(codes(other.hull)):
-        if code % CODES >= POINTS and lies(other, body, face, code, part, at):
+        if code % CODES >= POINTS and lies(other, body, face, code, 1.0, at):
             key[KIND], key[FIRST], key[SECOND] = FACE_POINT, face, code
             if kind == FACE_POINT:
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face

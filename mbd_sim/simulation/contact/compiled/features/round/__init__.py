@@ -1,0 +1,1 @@
+"""The narrow phase of two convex bodies of which at least one is round, in the subset of Python that is compiled."""

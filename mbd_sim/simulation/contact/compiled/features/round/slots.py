@@ -1,0 +1,111 @@
+"""The numbers of slots of round bodies: see `mbd_sim.dynamics.contact.smooth_rows`."""
+
+from __future__ import annotations
+
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
+from mbd_sim.dynamics.contact.shapes import POINTS
+from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
+from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, PlacedRound
+from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD
+from mbd_sim.simulation.contact.compiled.features.round.normals import (
+    CORNER_CORNER,
+    CORNER_FACE,
+    CORNER_SIDE,
+    EDGE_RIM,
+    FACE_CORNER,
+    FACE_POINT,
+    FIRST,
+    KIND,
+    POINT_FACE,
+    RIM_EDGE,
+    SECOND,
+    SIDE_CORNER,
+    SIDE_SIDE,
+    SIGN,
+    RoundBodies,
+)
+from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim
+from mbd_sim.simulation.contact.compiled.features.vectors import copy, least_axis, place_back, subtract, turn_back
+
+
+def is_iterated(p: RoundBodies, kind: int) -> bool:
+    """Whether what a kind of pairs has in place of a fixed normal is iterated by its row."""
+    return kind in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or (p.radius > 0.0 and is_crossing(kind))
+
+
+def is_crossing(kind: int) -> bool:
+    """Whether the features of a kind are an edge and a rim that it crosses."""
+    return kind in (EDGE_RIM, RIM_EDGE)
+
+
+def encoded(key: Integers) -> int:
+    """A pair of features as one number."""
+    return 1 + ((key[KIND] * COUNT + key[FIRST]) * COUNT + key[SECOND]) * 2 + (1 if key[SIGN] > 0 else 0)
+
+
+def decode(number: int, key: Integers) -> None:
+    """The pair of features with this number."""
+    rest = number - 1
+    key[KIND] = rest // (2 * COUNT * COUNT)
+    key[FIRST], key[SECOND] = rest // (2 * COUNT) % COUNT, rest // 2 % COUNT
+    key[SIGN] = 2 * (rest % 2) - 1 if key[KIND] == SIDE_SIDE or is_crossing(key[KIND]) else 0
+
+
+def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
+    """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`."""
+    kind, own, mode = key[KIND], zeros(3), ITERATED
+    if is_at_rim(p, a, b, key):  # its row is that of any edge and corner
+        kind = SIDE_CORNER if kind in (SIDE_CORNER, EDGE_RIM) else CORNER_SIDE
+    for k in range(SMOOTH_SIZE):
+        slot[k] = 0.0
+    is_side, is_face = kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), kind in (FACE_CORNER, FACE_POINT, RIM_EDGE)
+    write_body(a, 0, key[FIRST], is_side, is_face, kind, meeting, slot)
+    is_side, is_face = kind in (SIDE_SIDE, CORNER_SIDE, RIM_EDGE), kind in (CORNER_FACE, POINT_FACE, EDGE_RIM)
+    write_body(b, 1, key[SECOND], is_side, is_face, kind, meeting, slot)
+    if kind in (CORNER_FACE, POINT_FACE):
+        mode = FIXED_SECOND
+    elif kind in (FACE_CORNER, FACE_POINT):
+        mode = FIXED_FIRST
+    elif kind == SIDE_SIDE:
+        mode = TWO_SIDES
+    if not is_crossing(kind):
+        slot[16 + mode] = 1.0
+    slot[20] = key[SIGN]
+    slot[21] = 1.0 if kind in (FACE_CORNER, FACE_POINT, SIDE_CORNER) else 0.0
+    turn_back(b.pose, meeting[NORMAL:], own)
+    least_axis(own, slot[25:])
+    turn_back(b.pose, meeting[TOWARD:], slot[22:])
+    if mode == FIXED_FIRST:
+        turn_back(a.pose, meeting[NORMAL:], slot[22:])
+    if is_crossing(kind):
+        slot[30] = 1.0
+    if kind == EDGE_RIM:
+        copy(b.hull.normals[3 * key[SECOND] :], slot[22:])
+    if kind == RIM_EDGE:
+        copy(a.hull.normals[3 * key[FIRST] :], slot[22:])
+    slot[SMOOTH_SIZE - 1] = encoded(key)
+
+
+def write_body(
+    body: PlacedRound, own: int, feature: int, is_side: bool, is_face: bool, kind: int, meeting: Array, slot: Array
+) -> None:
+    """The numbers of a slot that belong to one of the bodies: its corner, rim, direction, cosine and flat rim."""
+    hull, is_point = body.hull, kind in (POINT_FACE, FACE_POINT) and not is_face
+    corner, at = feature, zeros(3)
+    if is_side:
+        corner = hull.ends[2 * feature]
+        copy(hull.directions[3 * feature :], slot[6 + 3 * own :])
+        slot[14 + own] = hull.cosines[feature]
+    if is_point:
+        place_back(body.pose, meeting[POINT:], at)
+        if feature % CODES < POINTS:
+            slot[28 + own] = hull.rims[feature // CODES]
+    elif is_face:
+        copy(hull.centers[3 * feature :], at)
+        if is_crossing(kind):
+            slot[12 + own] = hull.face_radii[feature]
+    else:
+        copy(hull.corners[3 * corner :], at)
+        slot[12 + own] = hull.marks[corner]
+    subtract(at, hull.at, slot[3 * own :])

@@ -1,0 +1,150 @@
+"""Capsules at the rims of round ends, from steep to flat: at places where they touch by construction."""
+
+from __future__ import annotations
+
+import json
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mbd_sim import Simulation
+from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.dynamics.contact.smooth_rows import smooth_touch
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Solid
+from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.simulation.contact.features.smooth import SmoothPair
+
+HERE, RIM, EDGE, HALF = Attachment("part", np.zeros(3)), 0.25, 0.1, 0.6
+UP = np.array([0.0, 0.0, 1.0])
+ENDS = {
+    "cylinder": (Barrel(HERE, UP, RIM, 0.4), 0.2),
+    "disc": (Barrel(HERE, UP, RIM, 0.0), 0.0),
+    "cone": (ConeBody(HERE, -UP, RIM, 0.4), 0.2),
+}
+CAPSULE = Solid(HERE, np.array([[-HALF, 0.0, 0.0], [HALF, 0.0, 0.0]]), (), EDGE)
+KINDS = pytest.mark.parametrize(("kind", "order"), [("cylinder", 1), ("disc", -1), ("cone", 1), ("cylinder", -1)])
+
+
+class Touching:
+    """A capsule that touches a rim, which is at the `angle`, from its direction seen from above, behind its middle.
+
+    The capsule is turned about the vertical, and `rise` is the sine of its angle with the end. The normal is across
+    the capsule and the rim, and leads out of the end.
+    """
+
+    def __init__(self, kind, rise, turn, angle, along):
+        place = turn + np.pi + angle
+        self.outward = np.array([np.cos(place), np.sin(place), 0.0])
+        self.point = RIM * self.outward + ENDS[kind][1] * UP
+        spin = Rotation.from_rotvec([0.0, 0.0, turn]) * Rotation.from_rotvec([0.0, -np.arcsin(rise), 0.0])
+        normal = np.cross(spin.apply([1.0, 0.0, 0.0]), np.cross(UP, self.outward))
+        self.normal = normal / np.linalg.norm(normal) * np.sign(normal[2])
+        self.pose = Pose(self.point + EDGE * self.normal + along * spin.apply([1.0, 0.0, 0.0]), spin.as_matrix())
+
+    def poses(self, spin, order, apart=0.0):
+        """Those of the capsule and of the end, turned by a rotation, in an order."""
+        at = spin.apply(self.pose.position + apart * self.normal)
+        return (Pose(at, spin.as_matrix() @ self.pose.rotation), Pose(np.zeros(3), spin.as_matrix()))[::order]
+
+
+@KINDS
+def test_a_capsule_touches_where_it_does_and_not_where_it_is_apart(kind, order):
+    """However flat it lies, where the normal is all but that of the end."""
+    chance, pair = np.random.default_rng(3), SmoothPair(*(CAPSULE, ENDS[kind][0])[::order], 2)
+    for _ in range(40):
+        rise, apart = 10.0 ** chance.uniform([-12.0, -12.0], [-0.3, -2.0])
+        touching = Touching(kind, rise, chance.uniform(-3, 3), chance.uniform(-1.5, 1.5), chance.uniform(0.1, 0.5))
+        spin = Rotation.random(rng=chance)
+        assert abs(pair.distance(*touching.poses(spin, order))) <= 5e-15
+        assert 0.0 < pair.distance(*touching.poses(spin, order, apart)) <= apart + 5e-15
+
+
+def row_of(bodies, features, poses, moving):
+    """The gap, the normal and the point of a row, as a function of the pose of one of the bodies."""
+    symbols = ca.SX.sym("pose", 12)
+    frames = [SymbolicPose(ca.DM(pose.position), ca.DM(pose.rotation)) for pose in poses]
+    frames[moving] = SymbolicPose(symbols[:3], ca.reshape(symbols[3:], 3, 3))
+    touch = smooth_touch(bodies, ca.SX(ca.DM(features.numbers)), tuple(frames), 1.0)
+    values = [touch.iterated.inserted(each) for each in (touch.distance, touch.normal, touch.point)]
+    row = ca.Function("row", [symbols], values)
+    return lambda pose: [
+        np.array(each).ravel() for each in row(np.concatenate([pose.position, pose.rotation.T.ravel()]))
+    ]
+
+
+@KINDS
+def test_a_row_follows_a_capsule_that_comes_to_lie_on_the_end(kind, order):
+    """In a step in which it turns by a third of its rise: steps from the last normal led past the next one."""
+    chance, bodies = np.random.default_rng(4), (CAPSULE, ENDS[kind][0])[::order]
+    pair, moving = SmoothPair(*bodies, 2), 0 if order == 1 else 1
+    for _ in range(12):
+        rise, turn = 10.0 ** chance.uniform(-9.0, -0.7), chance.uniform(-3, 3)
+        angle, along, spin = chance.uniform(-1.0, 1.0), chance.uniform(0.1, 0.5), Rotation.random(rng=chance)
+        before = Touching(kind, rise, turn, angle, along)
+        (features,) = pair.touching(*before.poses(spin, order), 1e-13)
+        row = row_of(bodies, features, before.poses(spin, order), moving)
+        after = Touching(kind, 0.67 * rise, turn + 0.02, angle - 0.01, along + 0.01)
+        for each in (before, after):
+            gap, normal, point = row(each.poses(spin, order)[moving])
+            assert gap == pytest.approx(0.0, abs=1e-14)
+            assert normal == pytest.approx(order * spin.apply(each.normal), abs=1e-12)
+            assert point == pytest.approx(spin.apply(each.point), abs=1e-12)
+        renewed = pair.renewed(*after.poses(spin, order), features.numbers)
+        assert pair.margin(*after.poses(spin, order), renewed) > 0.0
+
+
+@KINDS
+def test_a_capsule_lies_on_both_ends_of_its_chord(kind, order):
+    """Each of them is followed as it rises at the other one."""
+    chance, bodies = np.random.default_rng(5), (CAPSULE, ENDS[kind][0])[::order]
+    pair, moving = SmoothPair(*bodies, 2), 0 if order == 1 else 1
+    for _ in range(8):
+        turn, angle, spin = chance.uniform(-3, 3), chance.uniform(-1.4, 1.4), Rotation.random(rng=chance)
+        flat = Touching(kind, 0.0, turn, angle, 0.3)
+        other = Touching(kind, 0.0, turn + np.pi, -angle, 0.0)
+        found = pair.touching(*flat.poses(spin, order), 1e-13)
+        rows = [row_of(bodies, each, flat.poses(spin, order), moving) for each in found]
+        points = [row(flat.poses(spin, order)[moving])[2] for row in rows]
+        assert len(found) == 2
+        for end, back in ((flat, 1), (other, -1)):
+            (number,) = (k for k in (0, 1) if np.linalg.norm(points[k] - spin.apply(end.point)) < 1e-9)
+            raised = Touching(kind, 3e-4, turn + (0.0 if back == 1 else np.pi), back * angle, 0.3 if back == 1 else 0.0)
+            if back == -1:  # the same capsule from its other end
+                raised.pose = Pose(raised.pose.position, raised.pose.rotation @ np.diag([-1.0, -1.0, 1.0]))
+            gap, normal, _ = rows[number](raised.poses(spin, order)[moving])
+            assert gap == pytest.approx(0.0, abs=1e-14)
+            assert normal == pytest.approx(order * spin.apply(raised.normal), abs=1e-12)
+            assert pair.margin(*raised.poses(spin, order), found[number].numbers) > 0.0
+
+
+def rocking(kind, seed):
+    """A capsule that falls on a round end beside its axis, and rolls and rocks there."""
+    chance = np.random.default_rng([seed, 7])
+    rim, radius = chance.uniform([0.06, 0.02], [0.15, 0.06])
+    end = {"type": kind, "radius": rim, "mass": 1} | ({} if kind == "disc" else {"length": 0.1})
+    end |= {"axis": [0, 0, -1]} if kind == "cone" else {}
+    bar = {"type": "capsule", "radius": radius, "length": chance.uniform(1.2, 3.0) * rim, "axis": [1, 0, 0], "mass": 1}
+    place = [*(rim * chance.normal(size=2) * [0.2, 0.4]), (0.0 if kind == "disc" else 0.05) + radius + 0.3 * rim + 0.02]
+    joint = {"type": "free", "between": ["ground", "bar"], "position": place}
+    joint |= {"orientation": {"rpy": [0, 0.12 * chance.normal(), chance.normal()]}}
+    joint |= {"velocity": [*(0.15 * chance.normal(size=3))], "angular_velocity": [*chance.normal(size=3)]}
+    joints = {"end": {"type": "fixed", "between": ["ground", "end"]}, "bar": joint}
+    contact = {"between": ["bar", "end"][:: 1 - 2 * (seed % 2)], "restitution": 0.3 * (seed % 3)}
+    parts = {"end": {"shape": end}, "bar": {"shape": bar}}
+    return json.dumps({"mechanism": "rocking", "parts": parts, "joints": joints, "contacts": {"c": contact}})
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("cylinder", 0), ("cylinder", 9), ("disc", 7), ("disc", 22), ("cone", 14)])
+def test_a_capsule_that_rocks_on_a_round_end_keeps_its_energy_and_its_spin_about_the_axis(kind, seed):
+    """No force on the rim or the end has a moment about the axis, so that impacts do not change that spin either."""
+    simulation = Simulation.from_text(rocking(kind, seed), step=1e-3)
+
+    begun = simulation.momentum([0, 0, 0]).angular[2]
+    while simulation.time < 0.5 and simulation.q[2] > 0.0:
+        simulation.step(10)
+        assert simulation.momentum([0, 0, 0]).angular[2] == pytest.approx(begun, abs=1e-12)
+    assert simulation.contact_event_count > 4
+    assert abs(simulation.energies.residual) < 5e-9  # by contacts that are found within 1e-9 m
