@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, PlacedRound, RoundHull, middle
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, FLAT, PlacedRound, RoundHull, middle
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     EDGE_RIM,
     FIRST,
@@ -29,7 +29,8 @@ HINT = 0.1  # rad by which a normal may turn from its hint
 # Sines of the tilt of a normal against the axis of a rim: at most that of a crossing; up to which one is offered; from
 # which on the normal of an edge and a rim is iterated instead; and below which it is not any more. Nearer to the axis,
 # where the support of the rim has a kink, steps from the last normal may lead past the next one.
-CROSSING, STEEP, ITERABLE, LEAST_ITERABLE = 0.2, 0.125, 0.1, 0.05
+CROSSING, STEEP, ITERABLE, LEAST_ITERABLE = 0.5, 0.4, 0.35, 0.25
+CHANGED = 0.25  # of a chord, by which it may change in a step: its ends run along the rim ever faster as it vanishes
 ALONG, HALF = 0, 1  # of a chord: from the start of the edge to its middle, and half of its length, along the edge
 CHORD_SIZE = 2
 
@@ -56,6 +57,15 @@ def is_crossed(edge: PlacedRound, side: int, end: PlacedRound, corner: int) -> b
     """Whether both ends of the chord of an edge across the end with this rim can carry it."""
     face, found = face_of(end.hull, corner), zeros(CHORD_SIZE)
     return face >= 0 and chord(edge, side, end, face, found) and found[HALF] > CROSSED * end.hull.rims[corner]
+
+
+def is_at_middle(edge: PlacedRound, side: int, end: PlacedRound, corner: int) -> bool:
+    """Whether the middle of a chord carries an edge that lies flat on the end with this rim, as the chord is short."""
+    face, found = face_of(end.hull, corner), zeros(CHORD_SIZE)
+    if face < 0 or not chord(edge, side, end, face, found):
+        return False
+    is_flat = abs(dot(edge.directions[3 * side :], end.normals[3 * face :])) <= FLAT
+    return is_flat and found[HALF] <= CROSSED * end.hull.rims[corner]
 
 
 def face_of(hull: RoundHull, corner: int) -> int:
@@ -111,6 +121,16 @@ def meet_crossing(a: PlacedRound, b: PlacedRound, key: Integers, out: Array) -> 
     return found
 
 
+def half_of_chord(a: PlacedRound, b: PlacedRound, key: Integers) -> float:
+    """Half of the chord of a crossing in m, along the edge; 0 without one."""
+    found, has_chord = zeros(CHORD_SIZE), False
+    if key[KIND] == EDGE_RIM:
+        has_chord = chord(a, key[FIRST], b, key[SECOND], found)
+    else:
+        has_chord = chord(b, key[SECOND], a, key[FIRST], found)
+    return found[HALF] if has_chord else 0.0
+
+
 def end_normal(a: PlacedRound, b: PlacedRound, key: Integers) -> Array:
     """The normal of the round end of a key."""
     return b.normals[3 * key[SECOND] :] if key[KIND] == EDGE_RIM else a.normals[3 * key[FIRST] :]
@@ -133,7 +153,9 @@ def crossings_of(
     for face in range(end.hull.faces):
         for side in range(edge.hull.sides if end.hull.face_radii[face] > 0.0 else 0):
             for number in range(2):
-                if crossing(edge, side, end, face, 2 * number - 1, toward, meeting) and meeting[MARGIN] >= 0.0:
+                if not crossing(edge, side, end, face, 2 * number - 1, toward, meeting):
+                    continue
+                if meeting[MARGIN] >= -CROSSED * end.hull.face_radii[face]:  # those of short chords count as well
                     apart = max(apart, support(p, a, b, meeting[NORMAL:]))
     return apart
 

@@ -14,7 +14,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     lies,
     tilt,
 )
-from mbd_sim.simulation.contact.compiled.features.round.crossings import GAP, MARGIN, MEETING
+from mbd_sim.simulation.contact.compiled.features.round.crossings import GAP, MARGIN, MEETING, crossing
 from mbd_sim.simulation.contact.compiled.features.round.meetings import meet
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_FACE,
@@ -120,6 +120,10 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
             meet(p, a, b, key, outward, at, meeting)
             found[0] = min(found[0], meeting[GAP])
+    for side in range(0 if other.hull.is_curved else other.hull.sides):  # over which a part of the end hangs
+        for number in range(2):
+            if crossing(other, side, body, face, 2 * number - 1, sign, meeting) and meeting[MARGIN] >= 0.0:
+                found[0] = min(found[0], meeting[GAP])
     for corner in range(other.hull.count):
         if not other.hull.curved[corner]:
             key[KIND], key[FIRST], key[SECOND] = FACE_CORNER, face, corner

@@ -16,6 +16,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     lead,
     middle,
     point_protrusion,
+    tilt,
     tilted,
 )
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
@@ -119,6 +120,10 @@ def meet_round(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, i: int
         crossing(a, i, b, j, normal, at, other, out[POINT:])
     out[MARGIN] = math.inf
     add_own_margins(a, b, kind, i, j, out)
+    if p.radius == 0.0 and not first_side and a.hull.curved[i]:
+        out[FREE] = HINT * min(1.0, tilt(a, i, normal))
+    if p.radius == 0.0 and not second_side and b.hull.curved[j]:
+        out[FREE] = min(out[FREE], HINT * min(1.0, tilt(b, j, normal)))
     if kind == CORNER_CORNER and is_point_at_rim(a, i, b, j):
         out[MARGIN] = min(out[MARGIN], beside(b, j, at) if b.hull.curved[j] else beside(a, i, other))
 

@@ -16,6 +16,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     add_bend,
     offset,
     reach,
+    tilt,
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
@@ -38,6 +39,10 @@ CONVERGED = 1e-9  # change of a normal, after which it is exact to round-off
 LARGEST_STEP = 0.5  # rad
 WORSE = 1e-14  # of a gap, by which it may be less after a step
 MORE = 1e-12  # of the distance of two corners, by which a gap is larger along a better normal
+AT_AXIS, BESIDE_AXIS = (
+    1e-6,
+    0.05,
+)  # sines of the tilt against the axis of a rim, of a normal that is there, and beside it
 STARTS = 26  # directions to the sides, edges and corners of a cube
 KEY = 4  # numbers of a pair of features: its kind, both features, and the sign of one of two normals
 KIND, FIRST, SECOND, SIGN = 0, 1, 2, 3
@@ -209,7 +214,34 @@ def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array,
         for number in range(2):
             if across_rims(m, number, toward):
                 climb_from(m, toward, across, best)
+    leave_axis(m, a, corner_a, b, corner_b, across, best)
+    leave_axis(m, b, corner_b, a, corner_a, across, best)
     normal_from(m, across, out)
+
+
+def leave_axis(
+    m: Iteration, body: PlacedRound, corner: int, other: PlacedRound, opposite: int, across: Array, best: Array
+) -> None:
+    """From the axis of a rim, where its support has a kink and steps stay, start anew beside it, toward the other body.
+
+    :param opposite: the corner of the other body.
+    """
+    normal, arm, level, start, found = zeros(3), zeros(3), zeros(3), zeros(3), zeros(1)
+    normal_from(m, across, normal)
+    if body.hull.faces == 0 or not body.hull.curved[corner] or tilt(body, corner, normal) > AT_AXIS:
+        return
+    offset(other, opposite, normal, arm)
+    subtract(m.line, arm, arm)
+    add(arm, -dot(body.normals, arm), body.normals, level)
+    size = size_of(level)
+    if not size > body.hull.rims[corner]:  # the end is nearer
+        return
+    add(normal, BESIDE_AXIS / size, level, arm)
+    admit(m, arm, start)
+    climb(m, start, found)
+    if found[0] > best[0]:
+        copy(start, across)
+        best[0] = found[0]
 
 
 def climb_from(m: Iteration, start: Array, across: Array, best: Array) -> None:

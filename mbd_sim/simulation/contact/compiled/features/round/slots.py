@@ -6,8 +6,8 @@ from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
 from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, PlacedRound
-from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound
+from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD, half_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
     CORNER_FACE,
@@ -26,7 +26,16 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     RoundBodies,
 )
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim
-from mbd_sim.simulation.contact.compiled.features.vectors import copy, least_axis, place_back, subtract, turn_back
+from mbd_sim.simulation.contact.compiled.features.vectors import (
+    copy,
+    divide,
+    least_axis,
+    place_back,
+    size_of,
+    subtract,
+    turn,
+    turn_back,
+)
 
 
 def is_iterated(p: RoundBodies, kind: int) -> bool:
@@ -80,10 +89,13 @@ def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, me
         turn_back(a.pose, meeting[NORMAL:], slot[22:])
     if is_crossing(kind):
         slot[30] = 1.0
+        write_chord(a, b, key, slot)
     if kind == EDGE_RIM:
         copy(b.hull.normals[3 * key[SECOND] :], slot[22:])
     if kind == RIM_EDGE:
         copy(a.hull.normals[3 * key[FIRST] :], slot[22:])
+    if is_rim_on_face(a, b, key):
+        write_arm(a, b, key, meeting[POINT:], slot)
     slot[SMOOTH_SIZE - 1] = encoded(key)
 
 
@@ -109,3 +121,52 @@ def write_body(
         copy(hull.corners[3 * corner :], at)
         slot[12 + own] = hull.marks[corner]
     subtract(at, hull.at, slot[3 * own :])
+
+
+def chord_at(key: Integers) -> int:
+    """Where the number of a slot is that is half of the last chord of a crossing: the cosine of the end, not used."""
+    return 15 if key[KIND] == EDGE_RIM else 14
+
+
+def write_chord(a: PlacedRound, b: PlacedRound, key: Integers, slot: Array) -> None:
+    """Write half of the present chord of a sharp edge."""
+    slot[chord_at(key)] = half_of_chord(a, b, key)
+
+
+def is_rim_on_face(a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether a rim touches a face in its lowest point."""
+    if key[KIND] == CORNER_FACE:
+        return a.hull.faces > 0 and a.hull.curved[key[FIRST]] != 0
+    return key[KIND] == FACE_CORNER and b.hull.faces > 0 and b.hull.curved[key[SECOND]] != 0
+
+
+def arm_of(a: PlacedRound, b: PlacedRound, key: Integers, point: Array, out: Array) -> None:
+    """The direction from the center of a rim to the point that touches a face."""
+    if key[KIND] == CORNER_FACE:
+        subtract(point, a.corners[3 * key[FIRST] :], out)
+    else:
+        subtract(point, b.corners[3 * key[SECOND] :], out)
+    divide(out, max(size_of(out), LEAST))
+
+
+def arm_at(key: Integers) -> int:
+    """Where the numbers of a slot are that have this direction: that of a side of the body with the rim, not used."""
+    return 6 if key[KIND] == CORNER_FACE else 9
+
+
+def write_arm(a: PlacedRound, b: PlacedRound, key: Integers, point: Array, slot: Array) -> None:
+    """Write the present direction to a point of a rim, in the axes of the body with the face."""
+    arm = zeros(3)
+    arm_of(a, b, key, point, arm)
+    if key[KIND] == CORNER_FACE:
+        turn_back(b.pose, arm, slot[arm_at(key) :])
+    else:
+        turn_back(a.pose, arm, slot[arm_at(key) :])
+
+
+def stored_arm(a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array, out: Array) -> None:
+    """The direction to a point of a rim among the numbers of a slot."""
+    if key[KIND] == CORNER_FACE:
+        turn(b.pose, numbers[arm_at(key) :], out)
+    else:
+        turn(a.pose, numbers[arm_at(key) :], out)

@@ -21,7 +21,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     tilt,
 )
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
-    CROSSING,
+    CHANGED,
     FREE,
     GAP,
     ITERABLE,
@@ -33,6 +33,9 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     STEEP,
     TOWARD,
     crossings_gap,
+    face_of,
+    half_of_chord,
+    is_at_middle,
     is_crossed,
     is_steep,
     meet_crossing,
@@ -70,7 +73,18 @@ from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
     nearest_at_rim,
     tilt_at_rim,
 )
-from mbd_sim.simulation.contact.compiled.features.round.slots import decode, is_crossing, is_iterated, write_slot
+from mbd_sim.simulation.contact.compiled.features.round.slots import (
+    arm_of,
+    chord_at,
+    decode,
+    is_crossing,
+    is_iterated,
+    is_rim_on_face,
+    stored_arm,
+    write_arm,
+    write_chord,
+    write_slot,
+)
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
     copy,
@@ -83,7 +97,9 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     turn_back,
 )
 
+ROLLED = 0.15  # rad by which the lowest point of a rim may run around it in a step, the faster the flatter it lies
 LEVEL = 1e-9  # sine of the angle at which an edge that crosses a rim comes to lie on the end within it
+OTHER_SIDE = 1e-3  # of both bodies: so deep are they beyond a crossing if the edge is on the other side of the end
 ROUND_OFF = 1e-6  # of `near`: a distance that is not less is at least the one found first
 
 
@@ -190,7 +206,26 @@ def iterate(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, norma
         nearest_at_rim(a, b, key, toward, normal)
     else:
         iterated_normal(a, b, key, normal, False, normal)
+        better_crossing(p, a, b, key, normal)
         copy(normal, toward)
+
+
+def better_crossing(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array) -> None:
+    """Let the normal of a crossing take the place of an iterated one, which may get stuck near the axis of the rim."""
+    meeting, corner = zeros(MEETING), integers(KEY)
+    if p.radius > 0.0:
+        return
+    corner[FIRST], corner[SECOND] = key[FIRST], key[SECOND]
+    if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]]:
+        corner[KIND], corner[SECOND] = EDGE_RIM, face_of(b.hull, key[SECOND])
+    if key[KIND] == CORNER_SIDE and not b.hull.ruled[key[SECOND]]:
+        corner[KIND], corner[FIRST] = RIM_EDGE, face_of(a.hull, key[FIRST])
+    if corner[KIND] == 0 or min(corner[FIRST], corner[SECOND]) < 0:
+        return
+    for number in range(2):
+        corner[SIGN] = 2 * number - 1
+        if meet_crossing(a, b, corner, meeting) and support(p, a, b, meeting) > support(p, a, b, normal):
+            copy(meeting, normal)
 
 
 def level(
@@ -204,17 +239,33 @@ def level(
 
     :param limit: the sine of the angle up to which it lies flat; `crossed` is that of edges with crossings.
     """
-    if is_at_rim(p, a, b, key):
-        return math.inf if is_crossing(key[KIND]) else tilt_at_rim(a, b, key, normal, toward, limit, crossed)
+    if is_at_rim(p, a, b, key) and is_crossing(key[KIND]):
+        return math.inf
     if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]] and b.hull.curved[key[SECOND]]:
-        if p.radius == 0.0 and is_crossed(a, key[FIRST], b, key[SECOND]):
+        if is_at_middle(a, key[FIRST], b, key[SECOND]):
+            return -b.hull.rims[key[SECOND]]
+        if p.radius > 0.0:
+            return level_at_rim(p, a, b, key, normal, toward, limit, crossed)
+        if is_crossed(a, key[FIRST], b, key[SECOND]):
             limit = crossed
         return (tilt(b, key[SECOND], normal) - limit) * b.hull.rims[key[SECOND]]
     if key[KIND] == CORNER_SIDE and not b.hull.ruled[key[SECOND]] and a.hull.curved[key[FIRST]]:
-        if p.radius == 0.0 and is_crossed(b, key[SECOND], a, key[FIRST]):
+        if is_at_middle(b, key[SECOND], a, key[FIRST]):
+            return -a.hull.rims[key[FIRST]]
+        if p.radius > 0.0:
+            return level_at_rim(p, a, b, key, normal, toward, limit, crossed)
+        if is_crossed(b, key[SECOND], a, key[FIRST]):
             limit = crossed
         return (tilt(a, key[FIRST], normal) - limit) * a.hull.rims[key[FIRST]]
     return math.inf
+
+
+def level_at_rim(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array, limit: float,
+    crossed: float,
+) -> float:  # fmt: skip
+    """As `level`, of a rounded edge; an ellipsoid has no rim."""
+    return tilt_at_rim(a, b, key, normal, toward, limit, crossed) if is_at_rim(p, a, b, key) else math.inf
 
 
 def consider_crossings(
@@ -249,8 +300,8 @@ def consider_crossing(
         key[SIGN] = 2 * number - 1
         if not meet_crossing(a, b, key, meeting) or is_steep(axis, meeting):
             continue
-        scale(toward, axis, normal)
-        if support(p, a, b, normal) >= bottom - CROSSING * p.reach:
+        if support(p, a, b, meeting[NORMAL:]) >= bottom - OTHER_SIDE * p.reach:
+            scale(toward, axis, normal)
             consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
 
 
@@ -341,6 +392,13 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
         turn(b.pose, numbers[22:], stored)
         margin = min(margin, meeting[FREE] - distance_of(meeting[TOWARD:], stored))
         margin = min(margin, level(p, a, b, key, normal, meeting[TOWARD:], LEVEL, LEAST_ITERABLE))
+    elif is_crossing(key[KIND]):
+        half = numbers[chord_at(key)]
+        margin = min(margin, CHANGED * half - abs(half_of_chord(a, b, key) - half))
+    elif is_rim_on_face(a, b, key):
+        stored_arm(a, b, key, numbers, stored)
+        arm_of(a, b, key, meeting[POINT:], own)
+        margin = min(margin, ROLLED - distance_of(own, stored))
     return margin
 
 
@@ -362,6 +420,17 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
         else:
             stored_normal(a, b, key, numbers, normal)
         turn_back(b.pose, normal, numbers[22:])
+    elif is_crossing(key[KIND]):
+        put_round(a, one, other)
+        put_round(b, other, other)
+        write_chord(a, b, key, numbers)
+    elif key[KIND] in (CORNER_FACE, FACE_CORNER):
+        put_round(a, one, other)
+        put_round(b, other, other)
+        if is_rim_on_face(a, b, key):
+            simple_normal(a, b, key, normal)
+            meet(p, a, b, key, normal, normal, meeting)
+            write_arm(a, b, key, meeting[POINT:], numbers)
 
 
 def stored_normal(a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array, out: Array) -> None:
