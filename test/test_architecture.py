@@ -235,6 +235,10 @@ def test_variables_of_comprehensions_are_not_functions_that_are_called_beside_th
             assert not bound_in_comprehensions(function) & top & called, f"{name}.{function.name}"
 
 
+def test_pictures_are_drawn_without_the_state_of_pyplot_or_a_display():
+    assert not [name for name, module in modules().items() if "pyplot" in module.text]
+
+
 def test_derive_is_a_table_of_contents():
     (derive,) = (one for one in functions(modules()["dynamics.equations"].tree) if one.name == "derive")
     code = derive.body[1:]  # after the docstring

@@ -1,7 +1,5 @@
 """Drawings as files: formats, errors, and reproducible bytes."""
 
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -69,20 +67,6 @@ def test_the_command_draws_in_addition_to_its_report(tmp_path, capsys):
     assert (tmp_path / "a.svg").stat().st_size > 1000
     assert main(["check", "rod_pendulum", "--draw", str(tmp_path / "a.gif")]) == 1
     assert ".png, .svg or .pdf" in capsys.readouterr().err
-
-
-def test_matplotlib_is_loaded_only_to_draw_and_without_its_state_or_a_display(tmp_path):
-    code = (
-        "import sys\n"
-        "from mbd_sim import Simulation\n"
-        "from mbd_sim.pictures.drawing import draw\n"
-        "loaded = [name for name in ('matplotlib', 'rerun') if name in sys.modules]\n"
-        "sim = Simulation.from_file('rod_pendulum')\n"
-        f"draw(sim.mechanism, sim.poses(), {str(tmp_path / 'a.png')!r})\n"
-        "print(loaded, 'matplotlib.pyplot' in sys.modules)"
-    )
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert answer.stdout == "[] False\n"
 
 
 def test_an_actuator_between_two_points_is_drawn_as_a_damper_between_them(tmp_path):
