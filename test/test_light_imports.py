@@ -73,6 +73,7 @@ def test_the_package_and_what_few_runs_need_are_loaded_late():
             "rclpy", "rerun", "scipy", "casadi", "llvmlite", "numpy", "pydantic", "mcap", "pyarrow", "mbd_sim.base.errors",
         ],
         "from mbd_sim import Simulation": ["mbd_sim.mechanism.elements.actuators", "mbd_sim.files.text.parameters"],
+        "import mbd_sim.pictures.rerun": ["rerun", "rclpy", "scipy", "casadi"],
         "from mbd_sim.dynamics.equations import derive; derive(mbd_sim.load_mechanism('double_rod'))": [
             "mbd_sim.dynamics.actuators.forces", "mbd_sim.dynamics.contact.one_sided_rows",
         ],
