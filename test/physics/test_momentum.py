@@ -28,6 +28,7 @@ forces:
   band: {{type: spring, between: [base, coupler.tip], stiffness: 20, length: 1, damping: 0.2}}
 """
 
+
 def center_of_mass(sim):
     mechanism, moving = sim.mechanism, kane.motions(sim.mechanism, sim.q, sim.u)
     return sum(part.mass * moving[name].center.d[0] for name, part in mechanism.parts.items()) / mechanism.mass
