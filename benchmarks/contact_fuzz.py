@@ -105,7 +105,7 @@ def main() -> None:
 
 def series(options: argparse.Namespace, done: set[tuple[str, int]], known: list[Found]) -> Iterator[Found]:
     """The results of all series, without those `done`; `known` are all results until now."""
-    worker = Worker(options.time)
+    worker: Worker | None = None
     seed = options.first
     while True:
         runs_left = seed < options.first + options.runs
@@ -116,9 +116,11 @@ def series(options: argparse.Namespace, done: set[tuple[str, int]], known: list[
             break
         for name in wanted:
             if (name, seed) not in done:
+                worker = worker or Worker(options.time)
                 yield worker.result(name, seed)
         seed += 1
-    worker.end()
+    if worker:
+        worker.end()
 
 
 def read(path: Path) -> list[Found]:

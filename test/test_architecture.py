@@ -5,6 +5,7 @@ import functools
 import re
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -22,34 +23,34 @@ ORDER = (
 TEXT = re.compile(r"\bmbd_sim(?:\.\w+)+")
 
 
+class Module(NamedTuple):
+    text: str
+    tree: ast.Module
+
+
+def parsed(text):
+    return Module(text, ast.parse(text))
+
+
 @functools.cache
 def modules():
-    """The syntax tree of each module of the package by name, without `mbd_sim.`; a folder has that of its __init__."""
+    """Each module of the package by name, without `mbd_sim.`; a folder has its __init__."""
     found = {}
     for path in sorted((ROOT / "mbd_sim").rglob("*.py")):
         name = ".".join(path.relative_to(ROOT / "mbd_sim").with_suffix("").parts)
-        found[name.removesuffix("__init__").removesuffix(".")] = ast.parse(path.read_text(encoding="utf-8"))
+        found[name.removesuffix("__init__").removesuffix(".")] = parsed(path.read_text(encoding="utf-8"))
     return found
 
 
-KEPT = {
-    ast.Import, ast.ImportFrom, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef, ast.Expr, ast.Constant,
-    ast.ListComp, ast.SetComp, ast.DictComp,
-}  # fmt: skip
-LEAVES = {ast.Name, ast.Load, ast.Store, ast.Del, ast.alias}
-
-
 @functools.cache
-def nodes(tree):
-    """What tests read of a syntax tree, in no order: `ast.walk` takes longer than everything else."""
+def statements(tree):
+    """Those of a syntax tree at any depth, in no order: to walk through all expressions takes longer than everything else."""
     found, left = [], [tree]
     while left:
         node = left.pop()
-        if type(node) in KEPT:
-            found.append(node)
-        for value in vars(node).values():
-            several = value if type(value) is list else (value,)
-            left += [one for one in several if isinstance(one, ast.AST) and type(one) not in LEAVES]
+        found.append(node)
+        for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+            left += getattr(node, field, ())
     return found
 
 
@@ -68,7 +69,7 @@ def module_of(dotted):
 
 def exporter(folder, name):
     """The module from which a folder's __init__ exports a name, or the folder itself."""
-    for node in nodes(modules()[folder]):
+    for node in statements(modules()[folder].tree):
         if isinstance(node, ast.ImportFrom) and any((alias.asname or alias.name) == name for alias in node.names):
             return module_of(node.module) or folder
     return folder
@@ -77,9 +78,8 @@ def exporter(folder, name):
 @functools.cache
 def imports_of(name):
     """The modules that one imports: at the top, in functions, for type checking alone, and by names in texts."""
-    tree, found = modules()[name], set()
-    documentation = {id(node.value) for node in nodes(tree) if isinstance(node, ast.Expr)}
-    for node in nodes(tree):
+    (text, tree), found = modules()[name], set()
+    for node in statements(tree):
         if isinstance(node, ast.Import):
             found |= {module_of(alias.name) for alias in node.names if alias.name.startswith("mbd_sim.")}
         elif isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "mbd_sim":
@@ -90,8 +90,11 @@ def imports_of(name):
                 elif inner is None and node.module == "mbd_sim":
                     inner = exporter("", alias.name)
                 found.add(inner)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documentation:
-            found |= {module_of(text) for text in TEXT.findall(node.value)}
+    if TEXT.search(re.sub(r"(?m)^ *(from|import) .*", "", text)):
+        documentation = {id(node.value) for node in statements(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documentation:
+                found |= {module_of(text) for text in TEXT.findall(node.value)}
     return found - {name, None, ""}
 
 
@@ -143,12 +146,12 @@ def test_imports_go_downward_only():
     ],
 )
 def test_every_kind_of_import_is_seen(text, monkeypatch):
-    monkeypatch.setitem(modules(), "base.invented", ast.parse(text))
+    monkeypatch.setitem(modules(), "base.invented", parsed(text))
     assert imports_of.__wrapped__("base.invented") == {"cli.main"}
 
 
 def test_names_of_the_public_interface_count_as_their_modules(monkeypatch):
-    monkeypatch.setitem(modules(), "base.invented", ast.parse("from mbd_sim import Simulation"))
+    monkeypatch.setitem(modules(), "base.invented", parsed("from mbd_sim import Simulation"))
     assert imports_of.__wrapped__("base.invented") == {"notebook.simulation"}
 
 
@@ -166,7 +169,7 @@ def test_overviews_of_folders_name_their_modules():
     found = [
         (folder, name)
         for folder in sorted(folders() - {""})
-        for row in re.findall(r"^\| (`.*?`) \|", ast.get_docstring(modules()[folder]) or "", re.MULTILINE)
+        for row in re.findall(r"^\| (`.*?`) \|", ast.get_docstring(modules()[folder].tree) or "", re.MULTILINE)
         for name in re.findall(r"`(\w+)`", row)
     ]
     assert len(found) > 40
@@ -187,15 +190,15 @@ def test_tests_mirror_the_folders_of_the_package():
 def test_no_two_classes_have_one_name():
     """A name that a reader has met once must not mean another thing elsewhere."""
     places = {}
-    for name, tree in modules().items():
-        for node in nodes(tree):
+    for name, module in modules().items():
+        for node in statements(module.tree):
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, []).append(name)
     assert not {name: found for name, found in places.items() if len(found) > 1}
 
 
 def functions(tree):
-    return [node for node in nodes(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    return [node for node in statements(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
 
 
 def length(function):
@@ -205,8 +208,8 @@ def length(function):
 def test_functions_fit_on_a_screen():
     long = {
         f"{name}.{function.name}": length(function)
-        for name, tree in modules().items()
-        for function in functions(tree)
+        for name, module in modules().items()
+        for function in functions(module.tree)
         if length(function) > LONGEST
     }
     assert not long
@@ -214,25 +217,30 @@ def test_functions_fit_on_a_screen():
 
 def bound_in_comprehensions(tree):
     """Names of variables of comprehensions anywhere in a tree."""
-    found = [node for node in nodes(tree) if isinstance(node, ast.ListComp | ast.SetComp | ast.DictComp)]
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.ListComp | ast.SetComp | ast.DictComp)]
     targets = [one.target for node in found for one in node.generators]
     return {node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)}
 
 
 def test_variables_of_comprehensions_are_not_functions_that_are_called_beside_them():
     """Python 3.12.1 takes such a function for the variable, and ends with an UnboundLocalError."""
-    for name, tree in modules().items():
-        imported = [alias for node in nodes(tree) if isinstance(node, ast.ImportFrom) for alias in node.names]
+    for name, (text, tree) in modules().items():
+        imported = [alias for node in statements(tree) if isinstance(node, ast.ImportFrom) for alias in node.names]
         top = {alias.asname or alias.name for alias in imported} | {node.name for node in functions(tree)}
-        if not bound_in_comprehensions(tree) & top:
+        targets = {word for target in re.findall(r"\bfor\s(.+?)\sin\b", text) for word in re.findall(r"\w+", target)}
+        if not targets & top or not bound_in_comprehensions(tree) & top:
             continue
         for function in functions(tree):
             called = {getattr(node.func, "id", "") for node in ast.walk(function) if isinstance(node, ast.Call)}
             assert not bound_in_comprehensions(function) & top & called, f"{name}.{function.name}"
 
 
+def test_pictures_are_drawn_without_the_state_of_pyplot_or_a_display():
+    assert not [name for name, module in modules().items() if "pyplot" in module.text]
+
+
 def test_derive_is_a_table_of_contents():
-    (derive,) = (one for one in functions(modules()["dynamics.equations"]) if one.name == "derive")
+    (derive,) = (one for one in functions(modules()["dynamics.equations"].tree) if one.name == "derive")
     code = derive.body[1:]  # after the docstring
     assert code[-1].end_lineno - code[0].lineno + 1 <= LONGEST_DERIVE
 

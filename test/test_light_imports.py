@@ -19,6 +19,11 @@ CHECK = "import sys; from mbd_sim.cli.main import main; main(['check', 'spherica
 NOT_NEEDED = ("rclpy", "rerun", "scipy", "mcap", "pyarrow", "matplotlib", "dask")
 FIRST = f"import sys; missing = dict.fromkeys({NOT_NEEDED!r}); sys.modules |= missing"
 REST = "for name in missing: del sys.modules[name]"
+NOTED = """
+import numpy  # whose own import sets a variable
+changes = []
+sys.addaudithook(lambda event, given: event in ("os.putenv", "os.unsetenv") and changes.append(given))
+"""
 
 
 def modules(program, cache):
@@ -59,22 +64,30 @@ def test_check_of_a_known_mechanism_reads_neither_recordings_nor_compilers(cache
 
 
 def test_the_package_and_what_few_runs_need_are_loaded_late():
-    """Also not by a first build of a mechanism with joints alone, and SymPy only to derive."""
+    """Also not by a first build of a mechanism with joints alone, and SymPy only to derive.
+
+    Nor does reading a file change the environment, which other threads and child processes of a program see.
+    """
     steps = {
         "import mbd_sim": [
             "rclpy", "rerun", "scipy", "casadi", "llvmlite", "numpy", "pydantic", "mcap", "pyarrow", "mbd_sim.base.errors",
         ],
         "from mbd_sim import Simulation": ["mbd_sim.mechanism.elements.actuators", "mbd_sim.files.text.parameters"],
+        "import mbd_sim.pictures.rerun": ["rerun", "rclpy", "scipy", "casadi"],
         "from mbd_sim.dynamics.equations import derive; derive(mbd_sim.load_mechanism('double_rod'))": [
             "mbd_sim.dynamics.actuators.forces", "mbd_sim.dynamics.contact.one_sided_rows",
         ],
         "import mbd_sim.studies.optimization, mbd_sim.cli.main": ["sympy"],
+        "import mbd_sim.pictures.drawing": ["matplotlib", "rerun"],
     }  # fmt: skip
     lines = [
         f"{statement}\nprint([name for name in {names} if name in sys.modules])" for statement, names in steps.items()
     ]
-    command = [sys.executable, "-c", "\n".join(["import sys", *lines])]
-    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n" * len(steps)
+    command = [sys.executable, "-c", "\n".join(["import sys", lines[0], NOTED, *lines[1:], "print(changes)"])]
+    done = subprocess.run(
+        command, env=os.environ | {"MBD_SIM_CACHE": "off"}, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\n" * (len(steps) + 1)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="ROS 2 is not installed")

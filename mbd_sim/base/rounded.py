@@ -160,6 +160,7 @@ def hypotenuse(x: float, y: float) -> float:
     return float(DIGITS.sqrt(DIGITS.add(*squares)))
 
 
+@functools.lru_cache(maxsize=4096)  # outlines ask twice for each of thousands of angles
 def _sine_cosine(angle: float) -> tuple[int, int]:
     """The sine and the cosine of an angle in rad, times 2**BITS."""
     numerator, denominator = angle.as_integer_ratio()

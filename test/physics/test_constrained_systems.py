@@ -239,10 +239,10 @@ LOOPED = sorted(
 
 @pytest.mark.parametrize("name", LOOPED)
 def test_energy_audit_and_constraints(name):
-    """Over five seconds; scripts/systems_table runs for a minute or longer."""
+    """Over two seconds; scripts/systems_table runs for a minute or longer."""
     sim, derived_ = Simulation.from_file(name), equations(name)
     largest = worst = 0.0
-    while sim.time < 5.0:
+    while sim.time < 2.0:
         sim.step(100)
         largest = max(largest, *(abs(energy) for energy in sim.energies[:5]))
         worst = max(worst, violation(sim, derived_))

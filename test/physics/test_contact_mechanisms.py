@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
+from mbd_sim import Simulation, load_mechanism
+from mbd_sim.analysis.mechanics.kinematics import Kinematics
 
 G = 9.81
 
@@ -210,35 +211,53 @@ def foot_of_jansens_leg(crank):
     return meet(knee, n["i"], low, n["h"]) * 1e-2
 
 
-def test_a_walking_jansen_linkage():
-    sim = Simulation.from_file("jansen_walker", method="tsitouras8")
-    standing = dict[str, np.ndarray]()
-    sim.run(until=1.0)
-    begin = sim.q[0]
-    while sim.time < 2.0 - 1e-9:
+def jansen_feet(crank):
+    """The feet of the legs by side and number, from the axle of the crank."""
+    feet = {}
+    for n, phase in ((1, 0.0), (2, math.pi)):
+        feet[1, n] = foot_of_jansens_leg(crank + phase)
+        feet[2, n] = -foot_of_jansens_leg(math.pi - crank - phase).conjugate()
+    return feet
+
+
+def test_the_legs_of_a_jansen_linkage_begin_on_their_branches():
+    kinematics = Kinematics(load_mechanism("jansen_walker"))
+    for (side, n), foot in jansen_feet(0.5 * math.pi).items():
+        point = kinematics.point(f"shank_{side}_{n}.foot")
+        assert complex(point[0], point[2]) == pytest.approx(foot, abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def walker():
+    """With two of its four legs, which compiles in a third of the time; it walks for half a turn and then falls."""
+    text = load_mechanism("jansen_walker").source.text.replace("n: 1..2", "n: 1..1")
+    return Simulation.from_text(text, method="tsitouras8")
+
+
+def test_a_walking_jansen_linkage(walker):
+    standing, stood, sim = dict[str, np.ndarray](), set(), walker
+    sim.reset()
+    while sim.time < 0.9 - 1e-9:
         sim.step(20)
-        body = sim.q[0] + 1j * sim.q[1]
-        crank = sim.drives()["crank"].position
-        for n, phase in ((1, 0.0), (2, math.pi)):
-            left = foot_of_jansens_leg(crank + phase)
-            right = -foot_of_jansens_leg(math.pi - crank - phase).conjugate()
-            for side, foot in ((1, left), (2, right)):
-                placed = body + foot * complex(math.cos(sim.q[2]), math.sin(sim.q[2]))
-                point = sim.contacts()[f"foot_{side}_{n}"].point
-                assert complex(point[0], point[2]) == pytest.approx(placed, abs=1e-12)
+        body, feet = sim.q[0] + 1j * sim.q[1], jansen_feet(sim.drives()["crank"].position)
+        for side in (1, 2):
+            placed = body + feet[side, 1] * complex(math.cos(sim.q[2]), math.sin(sim.q[2]))
+            point = sim.contacts()[f"foot_{side}_1"].point
+            assert complex(point[0], point[2]) == pytest.approx(placed, abs=1e-12)
         for name, state in sim.contacts().items():
             assert state.gap > -1e-14
             if state.state == "sticks" and name in standing:
                 assert np.max(np.abs(state.point - standing[name])) < 1e-13
         standing = {name: state.point for name, state in sim.contacts().items() if state.state == "sticks"}
-    assert 0.25 < abs(sim.q[0] - begin) < 0.75
+        stood |= standing.keys()
+    assert stood == {"foot_1_1", "foot_2_1"}
     assert abs(sim.energies.residual) < 1e-11
-    assert sim.losses.impact > 0.0
+    assert sim.losses.impact > 0.5
 
 
-def test_the_feet_of_a_jansen_linkage_carry_its_rate_of_momentum():
-    sim = Simulation.from_file("jansen_walker", method="tsitouras8")
-    parts = sim.mechanism.parts
+def test_the_feet_of_a_jansen_linkage_carry_its_rate_of_momentum(walker):
+    sim, parts = walker, walker.mechanism.parts
+    sim.reset()
     mass = sim.mechanism.mass
 
     def center():
@@ -249,7 +268,7 @@ def test_the_feet_of_a_jansen_linkage_carry_its_rate_of_momentum():
         )
 
     checked = 0
-    for start in (0.7, 1.3, 1.9):
+    for start in (0.3, 0.5, 0.8):
         sim.run(until=start)
         events, places = sim.contact_event_count, [center()]
         for number in range(4):

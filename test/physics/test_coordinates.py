@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.base.geometry.rotation import from_quaternion, to_quaternion, unit
+from mbd_sim.base.geometry.rotation import from_quaternion, unit
 from test.generators.mechanisms import accelerations
-from test.oracles import kane
 
 
 def near(expected, size):
@@ -86,42 +85,6 @@ def test_rod_pendulum_in_other_coordinates(name):
             assert found.reactions()["pin"].force == near(force, 1e-12)
         else:
             assert np.sort(np.abs(found.multipliers()["pin"])) == near(np.sort(np.abs(force[[0, 2]])), 1e-12)
-
-
-# A free body on a pin or a ball joint: 6 coordinates, of which the loop removes 5 or 3.
-BODY = """
-mechanism: body
-parts:
-  body: {mass: 2, center: [0.1, 0.2, -0.5], inertia: {xx: 0.3, yy: 0.4, zz: 0.25, xy: 0.02, yz: -0.03},
-    points: {eye: {at: [0.1, -0.2, 0.3], rotate: {axis: [1, 2, 0], angle: 0.4}}}}
-joints: {JOINTS}
-"""
-JOINTS = {"cylindrical": ", axis: [1, 2, 2]", "universal": ", axes: [[1, 0, 0], [0.2, 1, 0]]"}
-
-
-def as_free(sim, part):
-    """q and u of a free joint that gives a part the pose and velocity it has in a simulation."""
-    motion = kane.motions(sim.mechanism, sim.q, sim.u)[part]
-    quaternion = to_quaternion(motion.rotation.d[0])
-    return [*motion.origin.d[0], *quaternion], [*motion.origin.d[1], *motion.omega]
-
-
-@pytest.mark.parametrize("kind", JOINTS)
-def test_a_body_on_a_joint_is_a_free_body_with_its_joint_cut(kind):
-    """The loop removes 2 of the 6 coordinates, or 4; the joint exerts the same force and moment on the body."""
-    joint = f"hold: {{type: {kind}, between: [ground, body.eye]{JOINTS[kind]}}}"
-    flight = "flight: {type: free, between: [ground, body], guess: true}"
-    tree = Simulation.from_text(BODY.replace("JOINTS", joint))
-    cut = Simulation.from_text(BODY.replace("JOINTS", f"{flight}, {joint[:-1]}, cut: true}}"))
-    rng = np.random.default_rng(140)
-    tree.reset(q=tree.q + rng.uniform(-0.4, 0.4, len(tree.q)), u=rng.uniform(-2.0, 2.0, len(tree.u)))
-    cut.reset(*as_free(tree, "body"))
-    for _ in range(4):
-        assert_alike(cut, tree, 1e-12)
-        expected, found = tree.reactions()["hold"], cut.reactions()["hold"]
-        assert found.force == near(expected.force, 1e-12) and found.moment == near(expected.moment, 1e-12)
-        tree.step(500)
-        cut.step(500)
 
 
 ABSOLUTE = """

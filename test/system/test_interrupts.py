@@ -242,7 +242,8 @@ def test_signals_at_any_moment_end_programs_with_the_documented_exit_code_and_no
     command = [sys.executable, "-c", entry, *arguments]
     environment = os.environ | {"ROS_DOMAIN_ID": str(new_domain())}
     span, finished = 1.2 if kind == "node" else 0.8, 1 if program == "replay" else 0
-    for number, sent in ((0, signal.SIGINT), (2, signal.SIGTERM)):
+    moments = ((0, signal.SIGINT), (2, signal.SIGTERM))
+    for number, sent in moments if program == "node" else moments[program == "run" :][:1]:
         with subprocess.Popen(
             command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             start_new_session=True,

@@ -111,24 +111,19 @@ class _Evaluator:
         self.results = [result.reshape(function.size_out(k), order="F") for k, result in enumerate(results)]
 
 
-_idle: WeakKeyDictionary[ca.Function, list[_Evaluator]] = WeakKeyDictionary()  # one for each thread that calls it
-
-
 def all_evaluated(function: ca.Function, *arguments: float | Array) -> list[Array]:
     """The results, as contiguous arrays, of a function with dense arguments and dense results.
 
     :raises ValueError: an argument does not have as many numbers as that of the function.
     """
-    idle = _idle.get(function)
-    if idle is None:
-        idle = _idle.setdefault(function, [])
+    idle = vars(function).setdefault("_idle", [])  # one for each thread that calls it, as long as the function is kept
     arrays = [np.asarray(argument, dtype=float) for argument in arguments]
     evaluator = idle.pop() if idle else _Evaluator(function)
     try:
         if [array.size for array in arrays] != evaluator.sizes:
             raise ValueError(f"the arguments of {function} do not have the sizes {[a.shape for a in arrays]}")
         for own, array in zip(evaluator.arguments, arrays, strict=True):
-            own[:] = array if array.ndim == 1 else array.ravel()
+            own[:] = array if array.ndim < 2 else array.ravel()
         evaluator.evaluate()
         return [result.copy() for result in evaluator.results]
     finally:

@@ -157,7 +157,7 @@ def test_friction_holds_a_start_that_would_slide_without_it():
     assert found.q == [0.2] and found.distance == 0.0 and found.stable
     sim.set_live({"F": 11.0})
     with (
-        patch.object(equilibrium, "ATTEMPTS", 2),
+        patch.object(equilibrium, "ATTEMPTS", 1),
         pytest.raises(InputError, match="no equilibrium of 'slope' was found"),
     ):
         set_to_equilibrium(sim)
@@ -227,7 +227,7 @@ def test_the_search_begins_at_the_present_coordinates_and_changes_nothing_if_it_
     sim = Simulation(cart(angle="180 deg"))
     sim.reset(q=[0.0, 0.1])
     assert to_equilibrium(sim) == pytest.approx([0.0, 0.0], abs=1e-12)
-    monkeypatch.setattr(equilibrium, "ATTEMPTS", 2)
+    monkeypatch.setattr(equilibrium, "ATTEMPTS", 1)
     falling = Simulation.from_file("projectile")
     falling.run(until=0.1)
     before = falling.state.copy()

@@ -152,7 +152,7 @@ def test_random_trees(drawn):
     check(parse_mechanism(drawn[0]), drawn[1])
 
 
-@pytest.mark.parametrize("name", KINDS[::3])
+@pytest.mark.parametrize("name", KINDS[::5])
 def test_shipped_mechanisms(name):
     """Without drives all is relative; only the rotating frame has more than one coordinate to couple."""
     gyroscopic, unsteady = check(load_mechanism(name), np.random.default_rng(111))

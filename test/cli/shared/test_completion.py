@@ -53,14 +53,14 @@ def completions_here(line, monkeypatch):
 
 
 def test_a_shell_completes(tmp_path):
-    assert completions("mbd_sim kinematics four_bar --drive crank_pi", tmp_path) == {"crank_pin=", "crank_pivot="}
+    assert completions("mbd_sim re", tmp_path) == {"recover", "rerun-with"}
 
 
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
         ("mbd_sim ver", {"verify"}),
-        ("mbd_sim re", {"recover", "rerun-with"}),
+        ("mbd_sim kinematics four_bar --drive crank_pi", {"crank_pin=", "crank_pivot="}),
         ("mbd_sim run double_r", {"double_rod"}),
         ("mbd_sim check mine", {"mine.yaml"}),
         ("mbd_sim recover double_r", set()),

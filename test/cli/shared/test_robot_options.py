@@ -26,14 +26,11 @@ def test_a_robot_is_converted_on_a_floor_with_stops(urdf, capsys):
     assert {contact.name for contact in mechanism.contacts} == {"floor"}
 
 
-def test_a_robot_is_run_on_a_floor(urdf, capsys):
+def test_a_robot_is_run_on_a_floor_and_check_lists_its_contacts(urdf, capsys):
     options = ["--base", "free", "--floor", "--set", "contacts.floor.friction=0.2", "--start", "front_hip=0.2"]
     assert main(["run", urdf, *options, "--time", "0.01", "--quiet"]) == 0
     assert "tripod: 0.01 s" in capsys.readouterr().out
-
-
-def test_check_lists_the_contacts(urdf, capsys):
-    assert main(["check", urdf, "--base", "free", "--floor", "--json"]) == 0
+    assert main(["check", urdf, *options, "--json"]) == 0
     assert "front_foot" in json.dumps(json.loads(capsys.readouterr().out))
 
 

@@ -63,7 +63,7 @@ def test_dead_points_are_marked(tmp_path, capsys, monkeypatch):
         f"{head}parameters: {{{lengths}}}\n\nground:{rest.split('ground:')[1]}".replace("position: 90", "position: 40"),
         encoding="utf-8",
     )
-    drive = ["--drive", "crank_pivot=-90:90deg:31"]
+    drive = ["--drive", "crank_pivot=-90:90deg:13"]
     assert main(["kinematics", "rocker.yaml", *drive]) == 1
     error = capsys.readouterr().err
     assert "crank_pivot reaches from -71.0344 deg to 71.0344 deg" in error and "--through-dead-points" in error

@@ -44,14 +44,11 @@ def test_a_path_from_a_table(tmp_path, monkeypatch, capsys):
     assert Path("found.png").stat().st_size > 20000
 
 
-def test_a_function_and_the_least_effort(capsys):
+def test_a_function(capsys):
     function = ["--function", "rocker_pivot=1.7 + 0.2*sin(crank_pivot)", "--free-offset", "--vary", "rocker=0.9:1.5"]
     assert main(["optimize", "four_bar", *DRIVE, *function]) == 0
     out = capsys.readouterr().out
     assert "Offset" in out and "Deviation, rms" in out and "rad  (minimized)" in out
-    effort = ["--least-effort", "--speed", "60rpm", "--vary", "rocker=1.15:1.5"]
-    assert main(["optimize", "four_bar", *DRIVE, *effort]) == 0
-    assert "Effort, peak" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """Linkages whose redundant constraints cannot be dropped once and for all, against least squares over all rows."""
 
 import functools
-from itertools import cycle
 
 import numpy as np
 import pytest
@@ -28,7 +27,7 @@ def relative_error(sim):
     return np.linalg.norm(oracle.scale * error) / max(np.linalg.norm(oracle.scale * exact), 1.0)
 
 
-@pytest.mark.parametrize(("name", "driven"), [*zip(NAMES, cycle([False, True]))])
+@pytest.mark.parametrize(("name", "driven"), [(name, name == NAMES[-1]) for name in NAMES])
 def test_accelerations_and_energy_through_the_motion(name, driven):
     sim = simulation(name, driven)
     sim.reset()
@@ -43,10 +42,9 @@ def test_accelerations_and_energy_through_the_motion(name, driven):
         assert max(sim.violation) < 1e-11
 
 
-@pytest.mark.parametrize("name", NAMES[1::2])
-def test_the_power_of_the_drives_is_the_rate_of_the_energy(name):
+def test_the_power_of_the_drives_is_the_rate_of_the_energy():
     """The rate of T + V by a difference quotient of order four."""
-    sim = simulation(name, True)
+    sim = simulation(NAMES[-1], True)
     sim.reset()
     h = sim.step_size
     for _ in range(3):

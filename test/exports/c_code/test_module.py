@@ -25,8 +25,7 @@ LIBRARY = {"sin", "cos", "sincos", "floor", "exp", "log", "tan", "asin", "acos",
     ("name", "methods"),
     [
         ("double_rod", ("rosenbrock_w", *ALWAYS)),
-        ("four_bar", ("adams11", "rk4")),  # a loop: projection
-        ("four_bar", ("rosenbrock",)),  # stages of ill-conditioned steps
+        ("four_bar", ("rosenbrock", "rk4")),  # a loop: projection, and stages of ill-conditioned steps
         ("pencil", ("gauss4",)),  # with steps in halves and quarters
         ("rolling_disc", ("adams11",)),  # rolling, and a quaternion
         ("gas_engine", ("rk4",)),  # powers of the C library

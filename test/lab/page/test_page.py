@@ -33,15 +33,6 @@ def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
     assert abs(opened.frame.energies[6]) < 1e-6
 
 
-def test_two_pages_see_the_same(opened, chromium):
-    second = BrowserPage(chromium, opened.lab)
-    second.enter("rocker (m)", "1.25", lambda: opened.frame.values["parameters.rocker"] == 1.25, "the length")
-    opened.tab("Change")
-    opened.page.locator("input[value='1.25']").first.wait_for(state="attached")
-    second.press("rocker: 1.2", lambda: opened.frame.values["parameters.rocker"] == 1.2, "the file's length")
-    second.close()
-
-
 def test_the_page_follows_the_file_and_shows_its_mistakes(opened):
     file, generation = opened.lab._watch._path, opened.frame.generation
     text = file.read_text(encoding="utf-8")
@@ -56,7 +47,7 @@ def test_the_page_follows_the_file_and_shows_its_mistakes(opened):
     wait_until(lambda: opened.frame.generation == generation + 2, "the file of before")
 
 
-def test_on_a_phone_the_mechanism_is_above_the_panel(opened, chromium):
+def test_a_phone_sees_the_same_with_the_mechanism_above_the_panel(opened, chromium):
     phone = BrowserPage(chromium, opened.lab, {"width": 390, "height": 844})
     wait_until(phone.has_tabs_in_one_line, "the tabs in one line")
     wait_until(lambda: phone.page.evaluate("document.documentElement.scrollWidth") <= 390, "the width of the screen")
@@ -75,6 +66,10 @@ def test_on_a_phone_the_mechanism_is_above_the_panel(opened, chromium):
     wait_until(is_wide, "the panel")
     wait_until(lambda: abs(phone.camera().fov - np.radians(30.0)) < 1e-6, "the camera")
     wait_until(is_above, "the mechanism above the panel")
+    phone.enter("rocker (m)", "1.25", lambda: opened.frame.values["parameters.rocker"] == 1.25, "the length")
+    opened.tab("Change")
+    opened.page.locator("input[value='1.25']").first.wait_for(state="attached")
+    phone.press("rocker: 1.2", lambda: opened.frame.values["parameters.rocker"] == 1.2, "the file's length")
     phone.close()
 
 

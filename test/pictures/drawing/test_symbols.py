@@ -5,7 +5,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.pictures.drawing import symbols
-from mbd_sim.pictures.drawing.picture import draw
+from mbd_sim.pictures.drawing.picture import compose
 from mbd_sim.pictures.drawing.symbols import hanging
 from test.pictures.start import AtStart
 
@@ -35,27 +35,27 @@ def test_a_slack_rope_hangs_between_its_ends_with_its_own_length(stop, excess):
     assert line[:, :2] == pytest.approx(straight[:, :2], abs=1e-15)
 
 
-def line_of(monkeypatch, tmp_path, simulation):
+def line_of(monkeypatch, simulation):
     drawn, original = [], symbols.cable_paths
     monkeypatch.setattr(
         symbols, "cable_paths", lambda page, line, depth: drawn.append(line) or original(page, line, depth)
     )
-    draw(simulation.mechanism, simulation.poses(), tmp_path / "picture.svg")
+    compose(simulation.mechanism, simulation.poses())
     return drawn[-1]  # of all sizes that were tried
 
 
-def test_a_rope_is_straight_until_it_goes_slack(monkeypatch, tmp_path):
+def test_a_rope_is_straight_until_it_goes_slack(monkeypatch):
     simulation = Simulation.from_file("rope")
-    taut = line_of(monkeypatch, tmp_path, simulation)
+    taut = line_of(monkeypatch, simulation)
     assert taut == pytest.approx(np.array([[0, 0, 0], [0, 0, -1]]), abs=1e-12)
     simulation.run(until=0.9)
     assert simulation.contacts()["rope"].state == "open"
-    slack = line_of(monkeypatch, tmp_path, simulation)
+    slack = line_of(monkeypatch, simulation)
     assert length_of(slack) == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("length", "corners"), [(2.0 * np.hypot(0.6, 0.5), 3), (1.8, 66)])
-def test_the_parts_of_a_cable_share_its_slack(monkeypatch, tmp_path, length, corners):
-    line = line_of(monkeypatch, tmp_path, AtStart.from_text(SLING.replace("LENGTH", f"{length:.17g}")))
+def test_the_parts_of_a_cable_share_its_slack(monkeypatch, length, corners):
+    line = line_of(monkeypatch, AtStart.from_text(SLING.replace("LENGTH", f"{length:.17g}")))
     assert len(line) == corners
     assert length_of(line) == pytest.approx(length, abs=1e-9)

@@ -2,12 +2,8 @@
 
 import json
 import math
-import os
 import random
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -218,33 +214,6 @@ def test_recordings_started_and_split_during_a_run_are_each_verified_alone(name,
     found = [one for path in sorted(tmp_path.iterdir()) for one in verify(path)]
     assert len(found) == 3 and all(one.agrees for one in found), "\n".join(map(verify_text, found))
     assert all(one.compared["joint_states"] > 40 and one.commands for one in found)
-
-
-VERIFIES = """
-import sys
-from mbd_sim.cli.main import main
-from mbd_sim.compiler.code import machine_code
-
-machine_code.LEVEL = 0
-sys.exit(main())
-"""
-
-
-def test_files_begun_during_a_run_are_verified_by_a_process_of_another_hash_seed(tmp_path):
-    with stepped_node(tmp_path, "bead_on_wire", record=False, live="parameters.*, gravity[*]") as node:
-        assert len(node.simulation.live) > 3
-        recordings = node.publishing_thread.recordings
-        drive(node, 0.3, 6, random.Random(6), ACTIONS)
-        for order in (recordings.start, recordings.split):
-            assert order()[0]
-            drive(node, 0.3, 6, random.Random(7), ACTIONS)
-    files = sorted(map(str, tmp_path.glob("*.mcap")))
-    seed = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
-    command = [sys.executable, "-c", VERIFIES, "verify", "--quiet", *files]
-    variables = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(__file__).parents[3])}
-    variables["MBD_SIM_CACHE"] = str(tmp_path / "cache")  # so that it derives the equations itself
-    found = subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
-    assert (len(files), found.stdout.count("verified, bit for bit")) == (2, 2), found.stdout + found.stderr
 
 
 def test_metadata_that_prevents_recomputation_is_reported(run, tmp_path):

@@ -1,4 +1,4 @@
-"""Neither the seed of Python's hashes nor the processor's linear algebra shows in equations, inputs, kernels and motions.
+"""Neither the seed of Python's hashes nor the processor's linear algebra shows in equations, kernels, motions and recordings.
 
 OpenBLAS and NumPy choose their routines by the processor; `OPENBLAS_CORETYPE`, `NPY_DISABLE_CPU_FEATURES` and
 `GLIBC_TUNABLES` make them choose those of an old one, which has neither AVX2 nor fused operations.
@@ -11,9 +11,11 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 
 from mbd_sim import Simulation, load_mechanism
@@ -24,8 +26,10 @@ from mbd_sim.compiler.lists.packing import packed
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import parse_mechanism
+from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.simulation.model import builder
 from mbd_sim.simulation.model.live_values import LiveValues, names_with_matches
+from mbd_sim.studies.optimization import SensitivityModel
 from test.generators.legged_robots import legged
 
 ROOT = Path(__file__).parents[3]
@@ -71,6 +75,28 @@ def of_series():
     return digest(sim.state.tobytes(), sim.history.tobytes())
 
 
+def differentiated():
+    """Of the derivatives of a run, but for their last digits: they are products by the linear algebra of the processor."""
+    model = SensitivityModel(load_mechanism("spherical_top"), (), method="tsitouras8", step=0.01)
+    dx = model.run(24, efforts=np.ones((2, 3))).dx
+    return digest(*((np.round(array, 9) + 0.0).tobytes() for array in (dx.by_parameters, dx.by_start, dx.by_efforts)))
+
+
+def recorded():
+    """Of a recording with live values, efforts and wrenches, which a process with another seed must read alike."""
+    sim = Simulation.from_file("bead_on_wire", method="rk4", live=["parameters.*", "gravity[*]"], wrenches=["bead"])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        with sim.recording(path, violation=True):
+            sim.set_live({key: 1.1 * value for key, value in sim.live.items()}, reassemble=True)
+            sim.set_efforts(np.ones(len(sim.u)))
+            sim.step(20)
+        recording = open_recording(path)
+        topics = {name: (topic.type, topic.count) for name, topic in recording.topics.items()}
+        messages = [(message.topic, message.time_ns, message.payload) for message in recording.messages()]
+    return digest(topics, messages)
+
+
 def packed_legs():
     """Of the order and the packs of the operations of a robot with legs."""
     equations = derive(parse_mechanism(legged()))
@@ -106,6 +132,7 @@ def digests():
         | {"moving_support_pendulum, computed": computed("moving_support_pendulum")}
         | {f"{name}, emitted": emitted(name) for name in SAMPLE}
         | {"four_bar, taylor": of_series(), "legs, packed": packed_legs()}
+        | {"spherical_top, differentiated": differentiated(), "bead_on_wire, recorded": recorded()}
     )
 
 
@@ -122,7 +149,7 @@ def test_a_process_with_other_hashes_and_linear_algebra_derives_and_computes_the
     )
     first, other = digests(), json.loads(process.communicate()[0])
     assert process.returncode == 0
-    assert len(first) == len(FEATURES) + len(SAMPLE) + 3
+    assert len(first) == len(FEATURES) + len(SAMPLE) + 5
     assert [name for name in first if first[name] != other[name]] == []
 
 

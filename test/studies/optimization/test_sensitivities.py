@@ -1,11 +1,7 @@
 """Derivatives of trajectories are those of differences, of closed forms, and of CasADi."""
 
 import functools
-import hashlib
 import math
-import os
-import subprocess
-import sys
 
 import casadi as ca
 import numpy as np
@@ -307,23 +303,6 @@ def test_what_has_no_derivatives_is_refused():
     pushed.set_wrench("upper", force=[1.0, 0.0, 0.0])
     with pytest.raises(InputError, match="wrenches"):
         sensitivities(pushed, 10)
-
-
-def digest():
-    """Of the bits of all derivatives of a run."""
-    dx = model_of("spherical_top").run(STEPS, efforts=np.ones((2, 3))).dx
-    arrays = (dx.by_parameters, dx.by_start, dx.by_efforts)
-    return hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in arrays)).hexdigest()
-
-
-def test_another_process_computes_the_same_bits():
-    code = (
-        "from mbd_sim.compiler.code import machine_code; machine_code.LEVEL = 0; "
-        "from test.studies.optimization.test_sensitivities import digest; print(digest())"
-    )
-    other = {**os.environ, "PYTHONHASHSEED": "7"}
-    done = subprocess.run([sys.executable, "-c", code], env=other, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == digest()
 
 
 def test_a_start_far_from_its_circle_has_the_derivatives_of_the_projection():

@@ -24,7 +24,7 @@ OPEN = (
     "follower_force",
     "stick_slip",
 )
-CLOSED = ("four_bar", "atwood", "bead_on_wire", "rack_and_pinion")
+CLOSED = ("atwood", "bead_on_wire")
 
 
 def changed(mechanism, found, spread=0.2):

@@ -86,7 +86,9 @@ def test_an_offset_of_a_function_is_found():
 
 def test_the_least_peak_torque_is_lower_than_all_around_it():
     mechanism, speed, drives = four_bar(), 6.0, np.linspace(0.0, 2.0 * np.pi, 9)
-    design = synthesize(mechanism, "motor", EffortGoal(drives, speed), {"c": (1.15, 1.7)}, norm="peak")
+    goal = EffortGoal(drives, speed)
+    design = synthesize(mechanism, "motor", goal, {"c": (1.15, 1.7)}, norm="peak")
+    assert "Effort, peak" in design_text(mechanism, design, goal, "peak")
 
     def peak(size):
         motion = driven_motion(with_values(mechanism, {"c": size}), {"motor": (0.0, 2.0 * np.pi)}, 9, speed=speed)
