@@ -4,8 +4,9 @@ Slip whose direction friction turns fast is a stiff problem. Its slopes are foun
 of five stages and order nine, which is stable however fast friction turns the slip (E. Hairer, G. Wanner, Solving
 Ordinary Differential Equations II, section IV.8). The directions of friction at the nodes are unknowns of their own:
 with given ones, the slopes are those of a smooth mechanism, and sweeps over the nodes converge; the directions follow
-by Newton's method from the slips across them, which must be zero. Their derivatives need only those of the slopes by
-directions, since slips depend on speeds linearly.
+by Newton's method from the slips across them, which must be zero. These are read with the newest slopes, before the
+first sweep and after each one, which costs little. Their derivatives need only those of the slopes by directions, since
+slips depend on speeds linearly.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     START,
     Contacts,
     read,
+    read_rates,
     readings_size,
 )
 from mbd_sim.simulation.contact.compiled.instant.linear import solve
@@ -47,8 +49,11 @@ def collocated(
     projected, time, rate, left, before = zeros(c.size), zeros(1), 1.0, math.inf, math.inf
     exact = max(EXACT, SHARE * enough) if enough < math.inf else EXACT
     guess(c, s, length)
+    read_slips(c, s, y, inputs, t, length, across, along)
+    correct(c, s, length, across, along)
     for count in range(MOST_SWEEPS):
-        change = sweep(c, s, y, inputs, t, length, count == 0 and s.base[0] == 0.0, across, along)
+        change = sweep(c, s, y, inputs, t, length, count == 0 and s.base[0] == 0.0)
+        change = max(change, read_slips(c, s, y, inputs, t, length, across, along))
         if not change < DIVERGED or (count % SLOW == SLOW - 1 and change > 0.5 * before):
             return math.inf
         before = change if count % SLOW == SLOW - 1 else before
@@ -170,21 +175,16 @@ def state_at(c: Contacts, s: Sliding, y: Array, length: float, stage: int, state
         state[i] = y[i] + length * change
 
 
-def sweep(
-    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, guessed: bool, across: Array,
-    along: Array,
-) -> float:  # fmt: skip
-    """Evaluate the slopes at all nodes, and the slips across and along the directions of friction there.
+def sweep(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, guessed: bool) -> float:
+    """Evaluate the slopes at all nodes; the largest change of the state by new ones, in natural units.
 
     :param guessed: the slopes are those at the start; then they change linearly behind the last node.
-
-    The result is the largest change of the state by new slopes, or slip across a direction, in natural units.
     """
     time, state, slopes, readings, found = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c)), 0.0
     for stage in range(1, STAGES + 1):
         state_at(c, s, y, length, stage, state)
-        directions, first, old = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs, s.slopes[stage * c.size :]
-        with_directions(c, s, inputs, directions)
+        old = s.slopes[stage * c.size :]
+        with_directions(c, s, inputs, s.turns[stage * 2 * c.frictions :])
         time[0] = t + c.radau[stage] * length
         START(c.start, time, state, s.given, slopes, readings[1:])
         found = max(found, length * difference(c, slopes, old))
@@ -194,7 +194,18 @@ def sweep(
         for i in range(c.size):
             old[i] = slopes[i]
         keep_guards(c, s, stage, readings)
-        row = first
+    return found
+
+
+def read_slips(
+    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, across: Array, along: Array
+) -> float:
+    """Find the slips across and along the directions of friction at the nodes; the largest across, in natural units."""
+    state, readings, found, row = zeros(c.size), zeros(readings_size(c)), 0.0, 0
+    for stage in range(1, STAGES + 1):
+        state_at(c, s, y, length, stage, state)
+        read_rates(c, t + c.radau[stage] * length, state, inputs, readings)
+        directions, row = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs
         for k in range(c.frictions):
             if s.turning[k]:
                 x, z = directions[2 * k], directions[2 * k + 1]
