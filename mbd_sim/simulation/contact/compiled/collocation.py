@@ -18,7 +18,6 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     READ,
     START,
     Contacts,
-    read,
     read_rates,
     readings_size,
 )
@@ -79,16 +78,8 @@ def collocated(
 
 def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, readings: Array) -> bool:
     """Find the slopes and the readings at the start; False where the constraints are ill-conditioned."""
-    time = zeros(1)
-    time[0] = t
-    s.base[0] = 0.0
-    with_directions(c, s, inputs, s.directions)
-    is_conditioned = START(c.start, time, y, s.given, s.slopes, readings[1:]) > 0
-    keep_guards(c, s, 0, readings)
-    for k in range(c.frictions):
-        if s.turning[k]:
-            s.kept[c.guards + k] = forward(c, s, readings, k)
-    return is_conditioned
+    readings[0] = t
+    return START(c.start, readings, y, inputs, s.slopes, readings[1:]) > 0
 
 
 def find_effects(
@@ -101,9 +92,11 @@ def find_effects(
     """
     time, moved, state, column, row = zeros(1), zeros(c.size), zeros(c.size), 0, 0
     after, pairs = zeros(readings_size(c)), number_of(c, s.all)
-    time[0] = t
+    time[0], s.base[0] = t, 0.0
+    keep_guards(c, s, 0, readings)
     for k in range(c.frictions):
         if s.turning[k]:
+            s.kept[c.guards + k] = forward(c, s, readings, k)
             x, z = s.directions[2 * k], s.directions[2 * k + 1]
             rotate(s.directions, k, ANGLE)
             with_directions(c, s, inputs, s.directions)
@@ -115,7 +108,7 @@ def find_effects(
                 s.turned[column * c.size + i] = (moved[i] - s.slopes[i]) / ANGLE
             for i in range(c.first_speed, c.first_speed + c.speeds):
                 state[i] += length * s.turned[column * c.size + i]
-            read(c, t, state, inputs, after)
+            read_rates(c, t, state, inputs, after)
             row = 0
             for other in range(c.frictions):
                 if s.turning[other]:

@@ -16,6 +16,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     guard_at,
     read,
     read_poses,
+    read_rates,
     readings_size,
     slides,
     turning_at,
@@ -104,15 +105,18 @@ def stage_within(
         zeros(pairs * pairs), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(1),
         zeros(many * (c.guards + c.frictions)),
     )  # fmt: skip
-    own, n = inputs, readings_size(c)
+    own, n, is_conditioned = inputs, readings_size(c), False
     before = zeros(n)
-    read(c, t, y, inputs, before)
     if pairs:
         find_sliding(c, inputs, s, left_out)
+        read_rates(c, t, y, inputs, before)
         turn(c, before, inputs, s)
         for i in range(count):
             s.inputs[i] = inputs[i]
         own = s.inputs
+        is_conditioned = begin_slopes(c, s, y, inputs, t, before)
+    else:
+        read(c, t, y, inputs, before)
     m = TrialPart(
         y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
         zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
@@ -123,7 +127,7 @@ def stage_within(
     m.span[0] = min(length, first_length)
     found[2] = LONGER * m.span[0] if first_length < length else math.inf
     if pairs:
-        found[2] = follow(c, m, found[2], first_length == math.inf)
+        found[2] = follow(c, m, found[2], first_length == math.inf, is_conditioned)
         first = stop_of(c, m)
     else:
         read_poses(c, t, y, inputs, m.places_before)
@@ -209,25 +213,23 @@ def turn(c: Contacts, readings: Array, inputs: Array, s: Sliding) -> None:
                     inputs[at] = slip(c, readings, k, direction) / speed
 
 
-def follow(c: Contacts, m: TrialPart, following: float, is_first: bool) -> float:
+def follow(c: Contacts, m: TrialPart, following: float, is_first: bool, is_conditioned: bool) -> float:
     """Take the motion in which slips do not turn much, keep their directions, or are turned by friction.
 
     The result is the length to try next, which is `following` where turning does not limit that.
     """
-    length = m.span[0]
-    read(c, m.t, m.y, m.inputs, m.before)
+    length, ahead = m.span[0], zeros(readings_size(c))
     read_poses(c, m.t, m.y, m.inputs, m.places_before)
     m.latest[0] = NONE
     if not find_fast(c, m, length):
         finish(c, m, length)
         if not find_turning(c, m, length):
             return following
-    ahead, start = zeros(readings_size(c)), zeros(readings_size(c))
-    if begin_slopes(c, m.sliding, m.y, m.inputs, m.t, start):
+    if is_conditioned:
         begin_ahead(c, m, length, ahead)
         if may_keep_straight(c, m, ahead) and keeps_straight(c, m):
             return following
-        find_effects(c, m.sliding, m.y, m.inputs, m.t, length, start)
+        find_effects(c, m.sliding, m.y, m.inputs, m.t, length, m.before)
         length = length_to_stop(c, m, length, ahead)
         if is_first:
             length = length_of_transient(c, m, length, ahead)
@@ -265,11 +267,11 @@ def find_turning(c: Contacts, m: TrialPart, length: float) -> bool:
 
 
 def begin_ahead(c: Contacts, m: TrialPart, length: float, ahead: Array) -> None:
-    """The readings after a length with the slopes at the start."""
+    """The gaps and rates after a length with the slopes at the start."""
     state = zeros(c.size)
     for i in range(c.size):
         state[i] = m.y[i] + length * m.sliding.slopes[i]
-    read(c, m.t + length, state, m.inputs, ahead)
+    read_rates(c, m.t + length, state, m.inputs, ahead)
 
 
 def may_keep_straight(c: Contacts, m: TrialPart, ahead: Array) -> bool:
