@@ -162,11 +162,12 @@ def remember(c: Contacts, s: Sliding, length: float) -> None:
 
 def state_at(c: Contacts, s: Sliding, y: Array, length: float, stage: int, state: Array) -> None:
     """The state at a node, by the mean slopes up to it."""
-    n, shares = c.size, c.radau[STAGES + 1 + (stage - 1) * STAGES :]
-    one, two, three, four, five = s.slopes[n:], s.slopes[2 * n :], s.slopes[3 * n :], s.slopes[4 * n :], s.slopes[5 * n :]
-    a, b, d, e, f = shares[0], shares[1], shares[2], shares[3], shares[4]
-    for i in range(n):
-        state[i] = y[i] + length * (a * one[i] + b * two[i] + d * three[i] + e * four[i] + f * five[i])
+    size, slopes, shares, change = c.size, s.slopes[c.size :], c.radau[STAGES + 1 + (stage - 1) * STAGES :], 0.0
+    for i in range(size):
+        change = 0.0
+        for j in range(STAGES):
+            change += shares[j] * slopes[j * size + i]
+        state[i] = y[i] + length * change
 
 
 def sweep(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, guessed: bool) -> float:

@@ -26,6 +26,7 @@ from mbd_sim.simulation.contact.compiled.lengths import (
     LONGER,
     SHORTER,
     length_of_transient,
+    length_to_close,
     length_to_stop,
     share_with,
     turns_little,
@@ -218,15 +219,19 @@ def follow(c: Contacts, m: TrialPart, following: float, is_first: bool, is_condi
 
     The result is the length to try next, which is `following` where turning does not limit that.
     """
-    length, ahead = m.span[0], zeros(readings_size(c))
+    length, ahead, soon = m.span[0], zeros(readings_size(c)), 0.0
     read_poses(c, m.t, m.y, m.inputs, m.places_before)
     m.latest[0] = NONE
+    begin_ahead(c, m, length, ahead)
+    soon = length_to_close(c, m, length, ahead)
+    if soon < length:
+        length, m.span[0], following = soon, soon, LONGER * soon
+        begin_ahead(c, m, length, ahead)
     if not find_fast(c, m, length):
         finish(c, m, length)
         if not find_turning(c, m, length):
             return following
     if is_conditioned:
-        begin_ahead(c, m, length, ahead)
         if may_keep_straight(c, m, ahead) and keeps_straight(c, m):
             return following
         find_effects(c, m.sliding, m.y, m.inputs, m.t, length, m.before)
