@@ -63,7 +63,7 @@ NOISE = 1e-15  # of the natural speed, in slip
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
 NEARLY = 0.999  # of a length, from which on a guard that becomes negative needs no shorter one
 AFTER = 1.0 + 1e-6  # of the length up to where a guard becomes negative, that a motion has
-GROWTH = 1.7  # of the length that would have been accurate: after a transient, the next one can be longer
+GROWTH = 3.0  # of the length that would have been accurate: after a transient, the next one can be longer
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
