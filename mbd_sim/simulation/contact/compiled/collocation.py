@@ -34,7 +34,7 @@ SHARE = 3e-2  # of the error of a motion that is enough, the same
 CONVERGED = 1e-11  # of natural units, change by a sweep where sweeps change no less, because of round-off
 DIVERGED = 1e3
 MISSED = 5e-4  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
-EARLY = 0.1  # of what is missed, a change by a sweep after which a length that is too long is known to be so
+EARLY = 3.0  # of what is missed, a change by a sweep after which a length that is too long is known to be so
 
 
 def collocated(
