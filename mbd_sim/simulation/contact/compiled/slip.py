@@ -219,15 +219,16 @@ def follow(c: Contacts, m: TrialPart, following: float, is_first: bool, is_condi
 
     The result is the length to try next, which is `following` where turning does not limit that.
     """
-    length, ahead, soon = m.span[0], zeros(readings_size(c)), 0.0
+    length, ahead, soon, spared = m.span[0], zeros(readings_size(c)), 0.0, m.span[0]
     read_poses(c, m.t, m.y, m.inputs, m.places_before)
     m.latest[0] = NONE
     begin_ahead(c, m, length, ahead)
     soon = length_to_close(c, m, length, ahead)
     if soon < length:
         length, m.span[0], following = soon, soon, LONGER * soon
+        spared = math.inf  # collocation finds where it closes with fewer evaluations, whatever turns
         begin_ahead(c, m, length, ahead)
-    if not find_fast(c, m, length):
+    if not find_fast(c, m, spared):
         finish(c, m, length)
         if not find_turning(c, m, length):
             return following
