@@ -255,6 +255,7 @@ def _addresses(model: OneSidedModel, kernel: Kernel, *, time_stepping: bool) -> 
         "start": 0 if time_stepping else code.address("start_contacts"),
         "project": 0 if time_stepping else code.address("project_contacts"),
         "readings": code.address("read_contacts"),
+        "gaps_and_rates": kernel.reader_address("gaps_and_rates") if time_stepping or model.pairs else 0,
         "terms": kernel.reader_address("contact_terms"),
         "response": kernel.reader_address("contact_response"),
         "restitution": kernel.reader_address("restitution"),
@@ -262,7 +263,7 @@ def _addresses(model: OneSidedModel, kernel: Kernel, *, time_stepping: bool) -> 
     }
 
 
-NO_STEPPING = Stepping(0, 0, 0, 0, 0, np.zeros(0, dtype=np.int64), np.zeros(0))  # of steps from event to event
+NO_STEPPING = Stepping(0, 0, 0, 0, np.zeros(0, dtype=np.int64), np.zeros(0))  # of steps from event to event
 
 
 def _stepping(model: OneSidedModel, kernel: Kernel, layout: CoordinateLayout) -> Stepping:
@@ -270,7 +271,6 @@ def _stepping(model: OneSidedModel, kernel: Kernel, layout: CoordinateLayout) ->
     places = [(layout.q[joint], layout.u[joint]) for joint in layout.u]
     return Stepping(
         kernel.code.address("project"),
-        kernel.reader_address("gaps_and_rates"),
         kernel.reader_address("displaced"),
         kernel.reader_address("powers"),
         len(places),

@@ -19,7 +19,7 @@ from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.candidates import RESTING
 from mbd_sim.simulation.contact.compiled.instant.impact import JAMMED, SMALL
 from mbd_sim.simulation.contact.complementarity import least_solution, product
-from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
+from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
@@ -100,6 +100,22 @@ def impact(
     impulses = np.zeros(model.layout.rows)
     impulses[chosen] = given
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), factor)
+
+
+def return_at_once(
+    model: OneSidedModel, readings: OneSidedReadings, terms: OneSidedTerms, inputs: Array, touching: Mask, least: float
+) -> Mask:
+    """The gaps (gaps,) that an impact has opened, and that are pressed back before they differ from zero.
+
+    :param readings: after the impact, with the modes found.
+    :param least: a gap in its unit that is zero, to round-off.
+    """
+    gaps = len(touching)
+    rates = readings.rates[:gaps]
+    accelerations = terms.free[:gaps] + product(terms.matrix[:gaps], readings.forces)
+    is_open = touching & (model.modes(inputs)[model.layout.closed] == 0.0) & ~model.clutches
+    slowest, highest = RESTING * model.speeds[:gaps], -2.0 * accelerations * least * model.gap_units
+    return np.asarray(is_open & (rates > slowest) & (rates**2 <= highest), dtype=bool)
 
 
 def is_jammed(model: OneSidedModel, impulses: Array, rates: Array, rows: Sequence[int]) -> bool:

@@ -305,7 +305,7 @@ def one_sided_system(
     layout = functions.equations.layout
     rows = [element.rows[0] for element in functions.equations.frictions if element.joint is not None]
     loads = tuple(Load(row, k) for row, k in zip(rows, functions.load_components, strict=True))
-    slips = [element.rows for element in functions.equations.frictions]
+    slips = [element.rows for element in functions.equations.frictions if len(element.rows) == 2]
     single_loads = sum(load.components == 1 for load in loads)
 
     def pair(solved: SolvedPair) -> tuple[FactoredSystem, ca.Function]:
@@ -323,7 +323,7 @@ def one_sided_system(
             "contact_response": functions.response,
             "restitution": functions.restitution,
             "joint_loads": functions.loads,
-            **({"gaps_and_rates": functions.gaps_and_rates} if time_stepping else {}),
+            **({"gaps_and_rates": functions.gaps_and_rates} if time_stepping or slips else {}),
         },
         terms=FactoredSystem(functions.terms, functions.terms_factors),
         first_mode=equations.inputs.one_sided.start,
@@ -332,7 +332,7 @@ def one_sided_system(
         slots=_slot_system(functions),
         farthest=functions.farthest,
         loads=loads,
-        slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),
+        slips=tuple((rows[0], rows[1]) for rows in slips),
         tolerance=guard_tolerance(equations),
         gap_units=functions.equations.gap_units,
         slow=functions.equations.slow,

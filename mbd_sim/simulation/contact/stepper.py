@@ -18,7 +18,7 @@ from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
 from mbd_sim.simulation.contact.compiled.step import CHANGED, SAME
 from mbd_sim.simulation.contact.compiled_contacts import CompiledContacts, Marks
-from mbd_sim.simulation.contact.impact import Impact, impact, is_jammed, tangential_impact
+from mbd_sim.simulation.contact.impact import Impact, impact, is_jammed, return_at_once, tangential_impact
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import ContactProblem, NoSolutionError, contact_forces
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver, without_round_off
@@ -164,7 +164,19 @@ class OneSidedStepper:
         returning = touched & (rates > RESTING)
         if np.any(touching & (rates < -RESTING)) or np.any(returning):
             self._impact(time, y, inputs, readings, touching, returning, elastic)
+            self._find(time, y, inputs, Forced(), touching)
+            after = model.readings(time, y, inputs)
+            returning = return_at_once(model, after, model.terms(time, y, inputs), inputs, touching, self._tolerance)
+            if not np.any(returning):
+                return
+            touching &= returning | (model.modes(inputs)[model.layout.closed] != 0.0) | model.clutches
+            self._impact(time, y, inputs, after, touching, returning, elastic)
             forced = Forced()
+        self._find(time, y, inputs, forced, touching)
+
+    def _find(self, time: float, y: Array, inputs: Array, forced: Forced, touching: Mask) -> None:
+        """Find the modes after any impacts."""
+        model = self._model
         try:
             modes = self._finder.find(time, y, inputs, forced)
         except NoSolutionError:

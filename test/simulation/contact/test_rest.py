@@ -8,6 +8,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.simulation.contact.candidates import RESTING
 from mbd_sim.simulation.contact.impact import _resting
+from mbd_sim.simulation.contact.records import ContactChange
 
 LENGTH, TILT, SPEED, APPROACH = 0.8, 1e-4, 4e-2, 1e-6  # m, rad, m/s, m/s
 HALF = LENGTH / 2 * np.cos(TILT)
@@ -22,6 +23,48 @@ contacts:
   floor: {{parts: [bar], plane: ground, friction: MU, restitution: 0.5}}
   ceiling: {{parts: [bar], plane: ground.top, normal: [0, 0, -1], friction: MU, restitution: 0.5}}
 """
+
+FALL = 0.1  # m, and the speed at its start is 1 m/s
+# A bar on two supports; a weight on a rope jerks at its end, beyond one of them, and so raises the other end.
+JERK = f"""
+mechanism: jerk
+parameters: {{m: 1}}
+ground: {{points: {{eye: [1.5, 0, 0]}}}}
+parts:
+  carriage: {{mass: 0}}
+  bar:
+    shape: {{type: rod, mass: 1, from: [-1, 0, 0], to: [1.5, 0, 0]}}
+    points: {{left: [-1, 0, 0], right: [1, 0, 0], end: [1.5, 0, 0]}}
+  weight: {{shape: {{type: particle, mass: m}}}}
+joints:
+  z: {{type: prismatic, between: [ground, carriage], axis: [0, 0, 1]}}
+  tilt: {{type: revolute, between: [carriage, bar], axis: [0, -1, 0]}}
+  fall: {{type: prismatic, between: [ground.eye, weight], axis: [0, 0, 1], position: {FALL - 1}, velocity: -1}}
+constraints:
+  left: {{type: on_plane, point: bar.left, bound: at_least}}
+  right: {{type: on_plane, point: bar.right, bound: at_least}}
+  rope: {{type: distance, between: [bar.end, weight], length: 1, bound: at_most}}
+"""
+
+
+@pytest.mark.parametrize("mass", [1e-7, 1e-3])
+def test_what_an_impact_raises_by_less_than_round_off_stays_closed(mass):
+    """It took a trial of the step to find that it returns. What is raised by more returns when gravity lets it."""
+    simulation = Simulation.from_text(JERK, step=1e-3, set={"parameters.m": mass})
+    simulation.run(until=0.12)
+    speed = np.sqrt(1.0 + 2.0 * 9.81 * FALL)
+    jerk = (speed - 1.0) / 9.81
+    events = [event for event in simulation.contact_events if event.name == "left"]
+    assert events[0].time == pytest.approx(jerk, abs=1e-13)
+    if mass < 1e-6:
+        assert {event.change for event in events} == {ContactChange.IMPACT}
+        assert len({event.time for event in simulation.contact_events}) == 1
+    else:
+        assert [event.change for event in events[:2]] == [ContactChange.OPENED, ContactChange.IMPACT]
+        assert events[1].time - jerk == pytest.approx(mass * speed / (9.81 * (0.75 - 0.5 * mass)), rel=1e-5)
+    assert simulation.contacts()["left"].gap == pytest.approx(0.0, abs=1e-15)
+    assert simulation.energies.dissipated == pytest.approx(0.5 * mass * speed**2, rel=1e-9)
+    assert abs(simulation.energies.residual) < 1e-16
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

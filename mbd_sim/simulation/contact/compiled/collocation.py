@@ -4,8 +4,9 @@ Slip whose direction friction turns fast is a stiff problem. Its slopes are foun
 of five stages and order nine, which is stable however fast friction turns the slip (E. Hairer, G. Wanner, Solving
 Ordinary Differential Equations II, section IV.8). The directions of friction at the nodes are unknowns of their own:
 with given ones, the slopes are those of a smooth mechanism, and sweeps over the nodes converge; the directions follow
-by Newton's method from the slips across them, which must be zero. Their derivatives need only those of the slopes by
-directions, since slips depend on speeds linearly.
+by Newton's method from the slips across them, which must be zero. These are read with the newest slopes, before the
+first sweep and after each one, which costs little. Their derivatives need only those of the slopes by directions, since
+slips depend on speeds linearly.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     READ,
     START,
     Contacts,
-    read,
+    read_rates,
     readings_size,
 )
 from mbd_sim.simulation.contact.compiled.instant.linear import solve
@@ -33,7 +34,7 @@ SHARE = 3e-2  # of the error of a motion that is enough, the same
 CONVERGED = 1e-11  # of natural units, change by a sweep where sweeps change no less, because of round-off
 DIVERGED = 1e3
 MISSED = 5e-4  # of what the polynomial through the slopes misses at the start: the error of the motion, at most
-EARLY = 0.1  # of what is missed, a change by a sweep after which a length that is too long is known to be so
+EARLY = 3.0  # of what is missed, a change by a sweep after which a length that is too long is known to be so
 
 
 def collocated(
@@ -47,8 +48,11 @@ def collocated(
     projected, time, rate, left, before = zeros(c.size), zeros(1), 1.0, math.inf, math.inf
     exact = max(EXACT, SHARE * enough) if enough < math.inf else EXACT
     guess(c, s, length)
+    read_slips(c, s, y, inputs, t, length, across, along)
+    correct(c, s, length, across, along)
     for count in range(MOST_SWEEPS):
-        change = sweep(c, s, y, inputs, t, length, count == 0 and s.base[0] == 0.0, across, along)
+        change = sweep(c, s, y, inputs, t, length, count == 0 and s.base[0] == 0.0)
+        change = max(change, read_slips(c, s, y, inputs, t, length, across, along))
         if not change < DIVERGED or (count % SLOW == SLOW - 1 and change > 0.5 * before):
             return math.inf
         before = change if count % SLOW == SLOW - 1 else before
@@ -61,7 +65,9 @@ def collocated(
             break
         last = change
         correct(c, s, length, across, along)
-    if left > max(exact, CONVERGED) and not error > enough:
+    if error > enough:
+        return error
+    if left > max(exact, CONVERGED):
         return math.inf
     correct(c, s, length, across, along)
     time[0] = t + length
@@ -74,16 +80,8 @@ def collocated(
 
 def begin_slopes(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, readings: Array) -> bool:
     """Find the slopes and the readings at the start; False where the constraints are ill-conditioned."""
-    time = zeros(1)
-    time[0] = t
-    s.base[0] = 0.0
-    with_directions(c, s, inputs, s.directions)
-    is_conditioned = START(c.start, time, y, s.given, s.slopes, readings[1:]) > 0
-    keep_guards(c, s, 0, readings)
-    for k in range(c.frictions):
-        if s.turning[k]:
-            s.kept[c.guards + k] = forward(c, s, readings, k)
-    return is_conditioned
+    readings[0] = t
+    return START(c.start, readings, y, inputs, s.slopes, readings[1:]) > 0
 
 
 def find_effects(
@@ -96,9 +94,11 @@ def find_effects(
     """
     time, moved, state, column, row = zeros(1), zeros(c.size), zeros(c.size), 0, 0
     after, pairs = zeros(readings_size(c)), number_of(c, s.all)
-    time[0] = t
+    time[0], s.base[0] = t, 0.0
+    keep_guards(c, s, 0, readings)
     for k in range(c.frictions):
         if s.turning[k]:
+            s.kept[c.guards + k] = forward(c, s, readings, k)
             x, z = s.directions[2 * k], s.directions[2 * k + 1]
             rotate(s.directions, k, ANGLE)
             with_directions(c, s, inputs, s.directions)
@@ -110,7 +110,7 @@ def find_effects(
                 s.turned[column * c.size + i] = (moved[i] - s.slopes[i]) / ANGLE
             for i in range(c.first_speed, c.first_speed + c.speeds):
                 state[i] += length * s.turned[column * c.size + i]
-            read(c, t, state, inputs, after)
+            read_rates(c, t, state, inputs, after)
             row = 0
             for other in range(c.frictions):
                 if s.turning[other]:
@@ -170,21 +170,16 @@ def state_at(c: Contacts, s: Sliding, y: Array, length: float, stage: int, state
         state[i] = y[i] + length * change
 
 
-def sweep(
-    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, guessed: bool, across: Array,
-    along: Array,
-) -> float:  # fmt: skip
-    """Evaluate the slopes at all nodes, and the slips across and along the directions of friction there.
+def sweep(c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, guessed: bool) -> float:
+    """Evaluate the slopes at all nodes; the largest change of the state by new ones, in natural units.
 
     :param guessed: the slopes are those at the start; then they change linearly behind the last node.
-
-    The result is the largest change of the state by new slopes, or slip across a direction, in natural units.
     """
     time, state, slopes, readings, found = zeros(1), zeros(c.size), zeros(c.size), zeros(readings_size(c)), 0.0
     for stage in range(1, STAGES + 1):
         state_at(c, s, y, length, stage, state)
-        directions, first, old = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs, s.slopes[stage * c.size :]
-        with_directions(c, s, inputs, directions)
+        old = s.slopes[stage * c.size :]
+        with_directions(c, s, inputs, s.turns[stage * 2 * c.frictions :])
         time[0] = t + c.radau[stage] * length
         START(c.start, time, state, s.given, slopes, readings[1:])
         found = max(found, length * difference(c, slopes, old))
@@ -194,7 +189,18 @@ def sweep(
         for i in range(c.size):
             old[i] = slopes[i]
         keep_guards(c, s, stage, readings)
-        row = first
+    return found
+
+
+def read_slips(
+    c: Contacts, s: Sliding, y: Array, inputs: Array, t: float, length: float, across: Array, along: Array
+) -> float:
+    """Find the slips across and along the directions of friction at the nodes; the largest across, in natural units."""
+    state, readings, found, row = zeros(c.size), zeros(readings_size(c)), 0.0, 0
+    for stage in range(1, STAGES + 1):
+        state_at(c, s, y, length, stage, state)
+        read_rates(c, t + c.radau[stage] * length, state, inputs, readings)
+        directions, row = s.turns[stage * 2 * c.frictions :], (stage - 1) * c.pairs
         for k in range(c.frictions):
             if s.turning[k]:
                 x, z = directions[2 * k], directions[2 * k + 1]

@@ -6,7 +6,7 @@ import math
 
 from mbd_sim.compiler.ir.python_kinds import Array
 from mbd_sim.simulation.contact.compiled.collocation import MISSED
-from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, turning_at
+from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, rate_at, turning_at
 from mbd_sim.simulation.contact.compiled.search import TrialPart
 from mbd_sim.simulation.contact.compiled.sliding import forward, slip, speed_of
 
@@ -15,6 +15,8 @@ SHORTER = 0.8  # of a length that should be accurate, or after which a slip velo
 LEAST = 0.05  # of a length whose error is too large
 LONGER = 4.0  # than the last part of a step that a next one may be
 BEYOND = 1.02  # of the length up to a stop, as the slopes at the start tell it, that a motion may have
+CLOSED = 1.5  # the same up to an impact: a gap that has risen beyond round-off is then clearly negative
+SOON = 0.1  # of a length, within which a gap that closes limits it
 NEAR = 0.5  # cosine of the angle by which it may turn meanwhile
 LAYER = 5.5  # of 1 / rate: the length at which the slope of a decay is missed by 1/32 of it
 MOST_SHARES = 20
@@ -30,6 +32,25 @@ def length_to_stop(c: Contacts, m: TrialPart, length: float, ahead: Array) -> fl
             slowing = (speed - forward(c, m.sliding, ahead, k)) / length
             if slowing > 0.0:
                 found = min(found, BEYOND * speed / slowing)
+    return found
+
+
+def length_to_close(c: Contacts, m: TrialPart, length: float, ahead: Array) -> float:
+    """A length, or little more than that up to where a gap closes soon, as the slopes at the start tell it.
+
+    So ends what an impact elsewhere has raised by little.
+
+    :param ahead: the gaps and rates after the length, with these slopes.
+    """
+    found = length
+    for gap in range(c.gaps):
+        if m.inputs[c.first_mode + gap] == 0.0 and not c.clutches[gap] and not c.slots[gap]:
+            rate, height = m.before[rate_at(c, gap)], max(0.0, m.before[1 + gap])
+            pull = (rate - ahead[rate_at(c, gap)]) / length
+            if rate > 0.0 and rate * rate + 2.0 * pull * height > 2.0 * pull * c.tolerance * c.gap_units[gap] > 0.0:
+                time = (rate + math.sqrt(rate * rate + 2.0 * pull * height)) / pull
+                if time < SOON * length:
+                    found = min(found, CLOSED * time)
     return found
 
 

@@ -20,6 +20,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     read_poses,
     readings_size,
 )
+from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
 from mbd_sim.simulation.contact.compiled.pairs import (
     AREA,
     NEAREST,
@@ -288,7 +289,17 @@ def first_event(c: Contacts, m: TrialPart, first: float, left_out: Integers, cau
     for gap in range(c.gaps):
         if may_graze(c, m, gap):
             first = grazing(c, m, gap, first)
+        if first < 0.0 and not left_out[gap] and closes_at_end(c, m, gap):
+            first = m.span[0]
     return DIVERGED if has_failed(m) else first
+
+
+def closes_at_end(c: Contacts, m: TrialPart, gap: int) -> bool:
+    """Whether an open gap that is zero at the end, to round-off, approaches there."""
+    if m.inputs[c.first_mode + gap] != 0.0 or c.clutches[gap] or c.slots[gap] or not m.span[0] > 0.0:
+        return False
+    is_zero = abs(m.after[1 + gap]) <= WITHIN * c.tolerance * c.gap_units[gap]
+    return is_zero and m.after[rate_at(c, gap)] < -RESTING * c.row_speeds[gap]
 
 
 def may_graze(c: Contacts, m: TrialPart, gap: int) -> bool:

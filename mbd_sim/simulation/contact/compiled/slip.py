@@ -16,6 +16,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     guard_at,
     read,
     read_poses,
+    read_rates,
     readings_size,
     slides,
     turning_at,
@@ -25,6 +26,7 @@ from mbd_sim.simulation.contact.compiled.lengths import (
     LONGER,
     SHORTER,
     length_of_transient,
+    length_to_close,
     length_to_stop,
     share_with,
     turns_little,
@@ -61,7 +63,7 @@ NOISE = 1e-15  # of the natural speed, in slip
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
 NEARLY = 0.999  # of a length, from which on a guard that becomes negative needs no shorter one
 AFTER = 1.0 + 1e-6  # of the length up to where a guard becomes negative, that a motion has
-GROWTH = 1.7  # of the length that would have been accurate: after a transient, the next one can be longer
+GROWTH = 3.0  # of the length that would have been accurate: after a transient, the next one can be longer
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
 UNHELD = (
     1e-8  # of the natural length, depth of a closed gap that no force could hold: a drive presses, and nothing yields
@@ -104,15 +106,18 @@ def stage_within(
         zeros(pairs * pairs), zeros(many * c.size), zeros(2 * many * c.frictions), zeros(1),
         zeros(many * (c.guards + c.frictions)),
     )  # fmt: skip
-    own, n = inputs, readings_size(c)
+    own, n, is_conditioned = inputs, readings_size(c), False
     before = zeros(n)
-    read(c, t, y, inputs, before)
     if pairs:
         find_sliding(c, inputs, s, left_out)
+        read_rates(c, t, y, inputs, before)
         turn(c, before, inputs, s)
         for i in range(count):
             s.inputs[i] = inputs[i]
         own = s.inputs
+        is_conditioned = begin_slopes(c, s, y, inputs, t, before)
+    else:
+        read(c, t, y, inputs, before)
     m = TrialPart(
         y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
         zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
@@ -123,7 +128,7 @@ def stage_within(
     m.span[0] = min(length, first_length)
     found[2] = LONGER * m.span[0] if first_length < length else math.inf
     if pairs:
-        found[2] = follow(c, m, found[2], first_length == math.inf)
+        found[2] = follow(c, m, found[2], first_length == math.inf, is_conditioned)
         first = stop_of(c, m)
     else:
         read_poses(c, t, y, inputs, m.places_before)
@@ -209,25 +214,28 @@ def turn(c: Contacts, readings: Array, inputs: Array, s: Sliding) -> None:
                     inputs[at] = slip(c, readings, k, direction) / speed
 
 
-def follow(c: Contacts, m: TrialPart, following: float, is_first: bool) -> float:
+def follow(c: Contacts, m: TrialPart, following: float, is_first: bool, is_conditioned: bool) -> float:
     """Take the motion in which slips do not turn much, keep their directions, or are turned by friction.
 
     The result is the length to try next, which is `following` where turning does not limit that.
     """
-    length = m.span[0]
-    read(c, m.t, m.y, m.inputs, m.before)
+    length, ahead, soon, spared = m.span[0], zeros(readings_size(c)), 0.0, m.span[0]
     read_poses(c, m.t, m.y, m.inputs, m.places_before)
     m.latest[0] = NONE
-    if not find_fast(c, m, length):
+    begin_ahead(c, m, length, ahead)
+    soon = length_to_close(c, m, length, ahead)
+    if soon < length:
+        length, m.span[0], following = soon, soon, LONGER * soon
+        spared = math.inf  # collocation finds where it closes with fewer evaluations, whatever turns
+        begin_ahead(c, m, length, ahead)
+    if not find_fast(c, m, spared):
         finish(c, m, length)
         if not find_turning(c, m, length):
             return following
-    ahead, start = zeros(readings_size(c)), zeros(readings_size(c))
-    if begin_slopes(c, m.sliding, m.y, m.inputs, m.t, start):
-        begin_ahead(c, m, length, ahead)
+    if is_conditioned:
         if may_keep_straight(c, m, ahead) and keeps_straight(c, m):
             return following
-        find_effects(c, m.sliding, m.y, m.inputs, m.t, length, start)
+        find_effects(c, m.sliding, m.y, m.inputs, m.t, length, m.before)
         length = length_to_stop(c, m, length, ahead)
         if is_first:
             length = length_of_transient(c, m, length, ahead)
@@ -265,11 +273,11 @@ def find_turning(c: Contacts, m: TrialPart, length: float) -> bool:
 
 
 def begin_ahead(c: Contacts, m: TrialPart, length: float, ahead: Array) -> None:
-    """The readings after a length with the slopes at the start."""
+    """The gaps and rates after a length with the slopes at the start."""
     state = zeros(c.size)
     for i in range(c.size):
         state[i] = m.y[i] + length * m.sliding.slopes[i]
-    read(c, m.t + length, state, m.inputs, ahead)
+    read_rates(c, m.t + length, state, m.inputs, ahead)
 
 
 def may_keep_straight(c: Contacts, m: TrialPart, ahead: Array) -> bool:

@@ -25,7 +25,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     readings_size,
     slides,
 )
-from mbd_sim.simulation.contact.compiled.instant.impact import impact
+from mbd_sim.simulation.contact.compiled.instant.impact import impact, return_at_once
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.lengths import LONGER
 from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
@@ -273,8 +273,6 @@ def resolve(
     :param sliding: 1 for friction that does not stop, however slow it is, unless there are impacts.
     """
     touching, returning, terms = integers(c.gaps), integers(c.gaps), zeros(terms_size(c))
-    impulses, u_change, loss = zeros(c.rows), zeros(c.speeds), zeros(1)
-    none_opening, none = integers(c.gaps), integers(c.frictions)
     strikes = False
     for gap in range(c.gaps):
         rate = readings[rate_at(c, gap)] / c.row_speeds[gap]
@@ -286,6 +284,20 @@ def resolve(
         return find_modes(c, t, y, inputs, readings, terms, opening, yielding, sliding)
     for gap in range(c.gaps):
         touching[gap] = touching[gap] or c.clutches[gap]  # an impact elsewhere may engage them
+    if not strike(c, t, y, inputs, readings, terms, touching, returning, elastic, events, counts):
+        return False
+    if return_at_once(c, inputs, readings, terms, touching, returning):
+        return strike(c, t, y, inputs, readings, terms, touching, returning, elastic, events, counts)
+    return True
+
+
+def strike(
+    c: Contacts, t: float, y: Array, inputs: Array, readings: Array, terms: Array, touching: Integers,
+    returning: Integers, elastic: bool, events: Array, counts: Integers,
+) -> bool:  # fmt: skip
+    """The impact of gaps that touch, and the modes after it; False where these are not simple."""
+    impulses, u_change, loss = zeros(c.rows), zeros(c.speeds), zeros(1)
+    none_opening, none = integers(c.gaps), integers(c.frictions)
     if not impact(c, t, y, inputs, readings, terms, touching, returning, elastic, impulses, u_change, loss):
         return False
     apply(c, t, y, inputs, impulses, u_change, loss[0], events, counts)

@@ -131,7 +131,7 @@ def read_rows(c: Contacts, t: float, y: Array, inputs: Array, rows: Array) -> No
     """The gaps (gaps,) and the rates (rows,)."""
     time = zeros(1)
     time[0] = t
-    READ(c.stepping.gaps_and_rates, time, y, inputs, rows)
+    READ(c.gaps_and_rates, time, y, inputs, rows)
 
 
 def mark_closing(c: Contacts, gaps: Array, h: float, closing: Integers) -> None:

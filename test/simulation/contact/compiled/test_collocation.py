@@ -165,3 +165,15 @@ def test_elements_corrected_one_by_one_and_together_have_the_same_motion(monkeyp
     assert length == same
     assert one == pytest.approx(other, abs=1e-11)
     assert not np.array_equal(one, other)
+
+
+def test_a_motion_takes_few_sweeps(monkeypatch):
+    """With slips that are read before a sweep and not after it, directions lag behind the slopes: it takes five."""
+    simulation, sweep, changes = Simulation.from_text(TWO, step=1e-3), collocation.sweep, []
+    simulation.step(1)
+    monkeypatch.setattr(collocation, "sweep", lambda *arguments: changes.append(sweep(*arguments)) or changes[-1])
+    c, (t, y, inputs) = simulation._memory.stepper._contacts._contacts, simulation._memory.now
+    found = np.zeros(3)
+    slip.stage(c, np.array(y), np.array(inputs), t, 1e-3, np.inf, np.zeros(c.guards, dtype=np.int64), found)
+    assert found[0] == 1e-3
+    assert len(changes) == 4

@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim.base.rounded import radau
 from mbd_sim.simulation.contact.compiled.collocation import MISSED
-from mbd_sim.simulation.contact.compiled.lengths import ACCURATE, length_of_transient
+from mbd_sim.simulation.contact.compiled.lengths import ACCURATE, CLOSED, length_of_transient, length_to_close
 from mbd_sim.simulation.contact.compiled.sliding import STAGES
 
 NODES = np.array(radau(STAGES)[0])
@@ -43,3 +43,21 @@ def test_a_decay_is_accurate_in_its_first_length(seed):
 
 def test_a_length_that_is_nearly_accurate_is_tried():
     assert foreseen(1e-3, 100.0, 1.0, 0.3) == 1e-3
+
+
+@pytest.mark.parametrize(("height", "rate", "pull"), [(0.0, 1e-4, 250.0), (1e-10, 3e-4, 20.0), (2e-9, 1e-9, 9.81)])
+def test_a_gap_that_closes_soon_limits_a_length(height, rate, pull):
+    """Beside the root of its parabola; not where it closes later, moves away, or has not risen beyond round-off."""
+
+    def limited(rate, pull, height=height):
+        c = SimpleNamespace(
+            gaps=1, rows=1, first_mode=0, clutches=[0], slots=[0], tolerance=1e-13, gap_units=[1.0], row_speeds=[1.0]
+        )
+        before, ahead = np.array([0.0, height, rate]), np.array([0.0, 0.0, rate - 1e-3 * pull])
+        return length_to_close(c, SimpleNamespace(before=before, inputs=[0.0]), 1e-3, ahead)
+
+    roots = np.roots([-0.5 * pull, rate, height])
+    assert limited(rate, pull) == pytest.approx(CLOSED * max(roots))
+    assert limited(rate, -pull) == 1e-3
+    assert limited(1e-3 * pull, pull) == 1e-3
+    assert limited(1e-3 * np.sqrt(1e-13 * pull), pull, 0.0) == 1e-3

@@ -10,6 +10,7 @@ from mbd_sim.simulation.contact.compiled import library, step
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 from mbd_sim.simulation.contact.stepper import OneSidedStepper
 from test.generators.contact_mechanisms import contact_mechanism
+from test.simulation.contact.test_rest import JERK
 
 # End, q and u, number of events and time of the last one, as they were computed in Python, NumPy and CasADi.
 BEFORE = {
@@ -86,12 +87,13 @@ def history(text, until):
 
 @pytest.mark.usefixtures("compiled_anew")
 def test_simple_events_are_those_of_the_code_for_all_contacts(monkeypatch, decided):
-    """Impacts and modes of random mechanisms, with loops, chains, plays and corners, computed in both ways."""
+    """Impacts and modes of random mechanisms, with loops, chains, plays and corners, and what returns at once, both ways."""
     kinds = {"rotors": 2, "two_loops": 3}
     texts = [contact_mechanism(seed, kind) for kind, seed in kinds.items()]
+    texts += [JERK.replace("m: 1}", f"m: {mass}}}") for mass in (1e-7, 1e-3)]
     compiled = [history(text, 0.5) for text in texts]
     monkeypatch.setattr(step, "find_modes", leaves_all)
     library.library.cache_clear()
     decided.clear()
     assert [history(text, 0.5) for text in texts] == compiled
-    assert len(decided) > len(kinds)
+    assert len(decided) > len(texts)

@@ -28,7 +28,6 @@ class Stepping:
     """
 
     project: int
-    gaps_and_rates: int
     displaced: int
     powers: int
     joints: int
@@ -45,8 +44,9 @@ class Contacts:
     Addresses: `advance` to the next event, or with `time_stepping` by free steps, `part_step`, `readings`, `poses`,
     `terms`, `response`, `restitution`, `joint_loads`, and `energies`, which is 0 where these need not be known at
     impacts: where nothing is `driven`, and nobody observes them. `start` (slopes and readings) and `project` onto the
-    constraints are 0 with `time_stepping`. `decide` makes the changes of an event that is not simple, and `note` takes
-    the events that have been recorded; where they are 0, such steps are left to others, and events are forgotten.
+    constraints are 0 with `time_stepping`, and `gaps_and_rates` is 0 without it where no friction has two directions.
+    `decide` makes the changes of an event that is not simple, and `note` takes the events that have been recorded;
+    where they are 0, such steps are left to others, and events are forgotten.
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
     that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. There are
@@ -70,6 +70,7 @@ class Contacts:
     start: int
     project: int
     readings: int
+    gaps_and_rates: int
     poses: int
     poses_take_inputs: bool
     decide: int
@@ -135,6 +136,12 @@ def read(c: Contacts, t: float, y: Array, inputs: Array, out: Array) -> None:
     """All readings of a state."""
     out[0] = t
     READ(c.readings, out, y, inputs, out[1:])
+
+
+def read_rates(c: Contacts, t: float, y: Array, inputs: Array, out: Array) -> None:
+    """The time, gaps and rates among the readings of a state, for little of their cost."""
+    out[0] = t
+    READ(c.gaps_and_rates, out, y, inputs, out[1:])
 
 
 def read_poses(c: Contacts, t: float, y: Array, inputs: Array, out: Array) -> None:

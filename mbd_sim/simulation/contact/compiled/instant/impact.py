@@ -6,10 +6,12 @@ See `mbd_sim.simulation.contact.impact` for the law.
 from __future__ import annotations
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
+from mbd_sim.simulation.contact.compiled.instant.candidate_forces import free_acceleration
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     READ_INPUTS,
     READ_RESPONSE,
     Contacts,
+    force_at,
     rate_at,
 )
 from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_forces
@@ -50,6 +52,29 @@ def impact(
     READ_RESPONSE(c.response, time, y, inputs, impulses, u_change)
     loss[0] = max(loss[0], 0.0)
     return True
+
+
+def return_at_once(
+    c: Contacts, inputs: Array, readings: Array, terms: Array, touching: Integers, returning: Integers
+) -> bool:  # fmt: skip
+    """Whether gaps that an impact has opened are pressed back before they differ from zero; they are `returning` then.
+
+    Only these and closed gaps remain `touching`.
+
+    :param readings: after the impact, with the modes found.
+    """
+    found = False
+    for gap in range(c.gaps):
+        rate, acceleration = readings[rate_at(c, gap)], free_acceleration(c, terms, gap)
+        for row in range(c.rows):
+            acceleration += terms[gap + row * c.rows] * readings[force_at(c, row)]
+        highest = -2.0 * acceleration * c.tolerance * c.gap_units[gap]
+        is_open = inputs[c.first_mode + gap] == 0.0 and not c.clutches[gap]
+        slowest = RESTING * c.row_speeds[gap]
+        returning[gap] = touching[gap] and is_open and rate > slowest and rate * rate <= highest
+        touching[gap] = touching[gap] and (not is_open or returning[gap])
+        found = found or returning[gap] != 0
+    return found
 
 
 def is_jammed(c: Contacts, readings: Array, touching: Integers, impulses: Array) -> bool:
