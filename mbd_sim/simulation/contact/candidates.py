@@ -36,6 +36,7 @@ FORCE_ROUND_OFF = 1e-8  # of the largest force, up to which the forces found are
 PULL = 1e-9  # of the largest force, beyond which a contact that pulls is not the round-off of one without force
 NEARLY = 1e-3  # of the forces, that friction may lack beside elastic supports: root of `SOFTNESS`
 SOFTEST = 1e-8  # least weight of friction beside the largest one: with the square root of the round-off it is accurate
+NARROWINGS = (0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # parts of the limits of friction that are left as reserve
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
 
 
@@ -74,6 +75,7 @@ class Candidates:
         self._coupled = terms.matrix  # A times these: with the friction of what slides
         self._held: dict[int, Array] = {}  # opposite to friction at its limit, of contacts that others hold
         self._reserves: dict[int, float] = {}  # of friction at rest, once some has reached its limit
+        self._narrowing: dict[int, float] = {}  # factors of the limits of friction at rest
         self._sticking: list[int] = []
         self._released: list[int] = []  # without slip, and without any capacity at present
         for index, (rows, gap) in enumerate(model.frictions):
@@ -107,6 +109,9 @@ class Candidates:
                     self._held = self._against(limited, forces)
                 else:
                     forces = self._with_reserve(forces)
+                    limited = self._at_limit(forces)
+                    if limited and (found := self._within_narrower_limits(limited, forces)) is not None:
+                        forces, rates = found
                     slipping = self._yielding(forces)
             if not slipping:
                 break
@@ -131,13 +136,15 @@ class Candidates:
 
     def _forces_and_loads(self) -> tuple[Array, Array]:
         """The forces of `_forces`, and the loads of joints that follow from them."""
+        before = math.inf
         for _ in range(LOAD_ITERATIONS):
             forces, rates = self._forces()
             loads = {index: self._terms.load(index, forces) for index in self._loads}
             change = max((abs(loads[index] - load) for index, load in self._loads.items()), default=0.0)
-            self._loads = loads
-            if change <= 1e-14 * max(loads.values(), default=0.0):
+            self._loads, most = loads, max(loads.values(), default=0.0)
+            if change <= 1e-14 * most or (change >= 0.5 * before and change <= FORCE_ROUND_OFF * most):
                 return forces, rates
+            before = change
         raise NoSolutionError("friction and the loads on which it depends do not balance")
 
     def _forces(self) -> tuple[Array, Array]:
@@ -208,6 +215,40 @@ class Candidates:
         self._reserves = {able[k]: limits[k] * (1.0 - self._use(able[k], forces)) for k in shared}
         return forces
 
+    def _within_narrower_limits(self, limited: Sequence[int], forces: Array) -> tuple[Array, Array] | None:
+        """Forces and accelerations with which all friction at rest is still so, within narrower limits; None without any.
+
+        Friction at its limit that others hold along one direction only, or together with normal forces or the friction
+        of joints with loads, cannot slide against its force: it is distributed in another way.
+        """
+        shared = self._entangled(forces)
+        if shared.isdisjoint(limited):
+            return None
+        loads, found = self._loads, None
+        for reserve in NARROWINGS:
+            self._narrowing = dict.fromkeys(shared, 1.0 - reserve)
+            try:
+                forces, rates = self._nearly_resting(*self._forces_and_loads())
+            except NoSolutionError:
+                self._loads = loads
+                continue
+            if not self._slipping(forces, rates):
+                found = forces, rates
+                break
+            self._loads = loads
+        self._narrowing = {}
+        if found is not None:
+            self._reserves = {k: self._limit(k, found[0]) * (1.0 - self._use(k, found[0])) for k in sorted(shared)}
+        return found
+
+    def _entangled(self, forces: Array) -> frozenset[int]:
+        """Friction at rest that depends on other rows, at least along one direction."""
+        rows = {index: list(self._model.frictions[index][0]) for index in self._sticking if self._limit(index, forces)}
+        pressed = [gap for gap in self._closable if forces[gap] > 0.0]
+        rank = len(independent(self._terms.matrix, [*pressed, *(row for own in rows.values() for row in own)]))
+        others = {k: [*pressed, *(row for index in rows if index != k for row in rows[index])] for k in rows}
+        return frozenset(k for k in rows if len(independent(self._terms.matrix, others[k])) + len(rows[k]) > rank)
+
     def _with_least_pressures(self, forces: Array) -> Array:
         """The normal forces of equal elastic supports beside given friction; sliding friction follows them."""
         solved = [*self._closable, *(row for index in self._sticking for row in self._model.frictions[index][0])]
@@ -254,7 +295,7 @@ class Candidates:
 
     def _static(self, index: int) -> float:
         """The limit of an element's friction at rest, for a unit force of its gap if it has one."""
-        return float(self._terms.sizes[index, 1] * self._loads.get(index, 1.0))
+        return float(self._terms.sizes[index, 1] * self._loads.get(index, 1.0) * self._narrowing.get(index, 1.0))
 
     def _slipping(self, forces: Array, rates: Array) -> dict[int, Array]:
         """Sticking elements that begin to slide, with the direction of that; friction is then at its limit."""
@@ -283,7 +324,7 @@ class Candidates:
         held = {index: HELD * direction for index, direction in self._held.items()}
         for index, direction in {**self._direction, **held}.items():
             rows, gap = model.frictions[index]
-            if index in self._loads:
+            if index in self._loads and not modes[layout.active][rows[0]]:
                 modes[layout.active.start + rows[0]] = 1.0
             if gap is None or gap in closed:
                 for row, part in zip(rows, direction.tolist(), strict=True):
@@ -315,21 +356,34 @@ class Candidates:
         dependent = [row for row in shares if row not in basis]
         if not dependent:
             return
-        chosen, weights = [*basis, *dependent], model.compliance.copy()
+        sliding = [index for index in self._direction if index in self._loads]
+        loaded = [model.frictions[index][0][0] for index in sliding]
+        chosen, weights = [*basis, *loaded, *dependent], model.compliance.copy()
         smallest = min(self._reserves.values(), default=0.0)
         for index, reserve in self._reserves.items():
             weights[list(model.frictions[index][0])] *= max((smallest / reserve) ** 2, SOFTEST)
-        modes[[first + row for row in basis]] = weights[basis]
+        weights[loaded] *= SOFTEST  # what slides supports nothing
+        modes[[first + row for row in (*basis, *loaded)]] = weights[[*basis, *loaded]]
         modes[[first + row for row in dependent]] = -weights[dependent]
         unit, own = self._unit.copy(), weights[chosen]
         for index, direction in self._held.items():
             if (gap := model.frictions[index][1]) is not None:
                 unit[list(model.frictions[index][0]), gap] -= self._static(index) * direction
-        coupled = product(matrix, unit)[chosen][:, chosen]
+        coupled = product(matrix, unit)
+        for index, row in zip(sliding, loaded, strict=True):
+            coupled[row] = unit[row] + self._load_slopes(index, forces, unit)
+        coupled = coupled[chosen][:, chosen]
         stress = forces[chosen] - least_solution(coupled, product(coupled, forces[chosen]), own)
         scale = np.sqrt(own)
         if np.max(np.abs(scale * stress)) > FORCE_ROUND_OFF * np.max(np.abs(scale * forces[chosen])):
             modes[model.layout.given][chosen] = stress
+
+    def _load_slopes(self, index: int, forces: Array, unit: Array) -> Array:
+        """How friction (rows,) that slides and follows the load of a joint changes with the forces of all rows."""
+        unloaded, by_force = self._terms.loads[index]
+        load = unloaded + product(by_force, forces)
+        slope = product(product(by_force, unit).T, load) / (euclidean_norm(load) or 1.0)
+        return self._terms.sizes[index, 0] * self._direction[index][0] * slope
 
 
 def euclidean_norm(vector: Sequence[float] | Array) -> float:
