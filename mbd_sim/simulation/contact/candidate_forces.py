@@ -70,7 +70,10 @@ class ForceFinder:
             found, supposed = self._along_directions(sliding, sticking, narrowing)
             most = max(found.loads.values(), default=0.0)
             change = max((abs(load - supposed[index]) for index, load in found.loads.items()), default=0.0)
-            self.directions = {index: self._direction(index, found.forces) for index in found.loads}
+            turned = {index: self._direction(index, found.forces) for index in found.loads}
+            if change > 0.5 * before:  # from side to side
+                turned = {index: 0.5 * (turned[index] + self.directions[index]) for index in turned}
+            self.directions = turned
             if change <= ROUND_OFF * most or 0.5 * before <= change <= NOISE * most:
                 return found
             before = change

@@ -38,6 +38,7 @@ PULL = 1e-9  # of the largest force, beyond which a contact that pulls is not th
 NEARLY = 1e-3  # of the forces, that friction may lack beside elastic supports: root of `SOFTNESS`
 SOFTEST = 1e-8  # least weight of friction beside the largest one: with the square root of the round-off it is accurate
 NARROWINGS = (0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # parts of the limits of friction that are left as reserve
+NARROWED_SOFTEST = 1e-4
 ATTEMPTS = 20
 
 
@@ -74,6 +75,7 @@ class Candidates:
         self._finder = ForceFinder(model, terms, self._closable, readings.forces)
         self._held: dict[int, Array] = {}  # opposite to friction at its limit, of contacts that others hold
         self._reserves: dict[int, float] = {}  # of friction at rest, once some has reached its limit
+        self._narrowed = False
         self._narrowing: dict[int, float] = {}  # factors of the limits of friction at rest
         self._sticking: list[int] = []
         self._released: list[int] = []  # without slip, and without any capacity at present
@@ -190,6 +192,7 @@ class Candidates:
                 break
             result = None
         self._narrowing = {}
+        self._narrowed = result is not None
         if result is None:
             self._found = before
             return None
@@ -315,8 +318,9 @@ class Candidates:
         loaded = [model.frictions[index][0][0] for index in sliding]
         chosen, weights = [*basis, *loaded, *dependent], model.compliance.copy()
         smallest = min(self._reserves.values(), default=0.0)
+        softest = NARROWED_SOFTEST if self._narrowed else SOFTEST
         for index, reserve in self._reserves.items():
-            weights[list(model.frictions[index][0])] *= max((smallest / reserve) ** 2, SOFTEST)
+            weights[list(model.frictions[index][0])] *= max((smallest / reserve) ** 2, softest)
         weights[loaded] *= SOFTEST  # what slides supports nothing
         modes[[first + row for row in (*basis, *loaded)]] = weights[[*basis, *loaded]]
         modes[[first + row for row in dependent]] = -weights[dependent]
@@ -332,7 +336,8 @@ class Candidates:
         stress = forces[chosen] - least_solution(coupled, product(coupled, forces[chosen]), own)
         scale = np.sqrt(own)
         if np.max(np.abs(scale * stress)) > FORCE_ROUND_OFF * np.max(np.abs(scale * forces[chosen])):
-            modes[model.layout.given][chosen] = stress
+            # with loads, whose directions have several solutions, the forces themselves: from these the kernel starts
+            modes[model.layout.given][chosen] = forces[chosen] if loaded else stress
 
 
 def euclidean_norm(vector: Sequence[float] | Array) -> float:
