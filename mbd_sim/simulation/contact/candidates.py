@@ -38,6 +38,7 @@ PULL = 1e-9  # of the largest force, beyond which a contact that pulls is not th
 NEARLY = 1e-3  # of the forces, that friction may lack beside elastic supports: root of `SOFTNESS`
 SOFTEST = 1e-8  # least weight of friction beside the largest one: with the square root of the round-off it is accurate
 NARROWINGS = (0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # parts of the limits of friction that are left as reserve
+SMALLEST = 1e-12  # of the natural force, below which limits are round-off
 NARROWED_SOFTEST = 1e-4
 ATTEMPTS = 20
 
@@ -262,7 +263,8 @@ class Candidates:
             rows = self._model.frictions[index][0]
             force, limit = forces[list(rows)], self._limit(index, forces)
             size, acceleration = euclidean_norm(force), rates[list(rows)]
-            if size >= limit * AT_LIMIT and (change := euclidean_norm(acceleration)) > self._unmoved[rows[0]]:
+            at_limit = size >= limit * AT_LIMIT - SMALLEST * self._model.loads[rows[0]]
+            if at_limit and (change := euclidean_norm(acceleration)) > self._unmoved[rows[0]]:
                 found[index] = -force / size if size > 0.0 else acceleration / change
         return found
 
