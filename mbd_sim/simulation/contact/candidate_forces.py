@@ -21,6 +21,7 @@ from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, No
 
 LOAD_ITERATIONS = 200
 ROUND_OFF, NOISE = 1e-14, 1e-8  # changes of loads, relative to the largest: to be reached, and that of shared forces
+LEAST_SHARE = 1e-3  # of a change of loads that is made, down to which that is tried
 RIGID = 1e-12  # compliance of rows that are no supports
 
 
@@ -52,6 +53,7 @@ class ForceFinder:
     closable: Sequence[int]
     forces: Array
     directions: dict[int, Array] = field(init=False)
+    sizes: dict[int, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.directions = {index: self._direction(index, self.forces) for index in self.model.loaded}
@@ -65,20 +67,35 @@ class ForceFinder:
         :param narrowing: factors of the limits of some that stick.
         :raises NoSolutionError: no forces are admissible, or none were found.
         """
-        before, kept = math.inf, dict(self.directions)
-        for _ in range(LOAD_ITERATIONS):
-            found, supposed = self._along_directions(sliding, sticking, narrowing)
+        kept = dict(self.directions)
+        for alone in (False,) if narrowing else (False, True):
+            self.sizes = {index: self.terms.load(index, self.forces) for index in kept} if alone else {}
+            found = self._iterated(sliding, sticking, narrowing)
+            self.sizes, self.directions = {}, dict(kept)
+            if found is not None:
+                self.directions = {index: self._direction(index, found.forces) for index in kept}
+                return found
+        raise NoSolutionError("friction and the loads on which it depends do not balance")
+
+    def _iterated(
+        self, sliding: Mapping[int, Array], sticking: Sequence[int], narrowing: Mapping[int, float]
+    ) -> FoundForces | None:
+        """The forces with the directions of their loads, or with their sizes where these are set; None without any."""
+        before, share = math.inf, 1.0
+        while share > LEAST_SHARE:
+            found, supposed = self._with_loads(sliding, sticking, narrowing)
             most = max(found.loads.values(), default=0.0)
             change = max((abs(load - supposed[index]) for index, load in found.loads.items()), default=0.0)
-            turned = {index: self._direction(index, found.forces) for index in found.loads}
-            if change > 0.5 * before:  # from side to side
-                turned = {index: 0.5 * (turned[index] + self.directions[index]) for index in turned}
-            self.directions = turned
+            share *= 0.5 if change > 0.9 * before else 1.0  # where they go from side to side
+            for index in found.loads:
+                turned = self._direction(index, found.forces)
+                self.directions[index] = share * turned + (1.0 - share) * self.directions[index]
+            if self.sizes:
+                self.sizes = {k: share * found.loads[k] + (1.0 - share) * size for k, size in self.sizes.items()}
             if change <= ROUND_OFF * most or 0.5 * before <= change <= NOISE * most:
                 return found
             before = change
-        self.directions = kept
-        raise NoSolutionError("friction and the loads on which it depends do not balance")
+        return None
 
     def _direction(self, index: int, forces: Array) -> Array:
         """The unit vector of a load; zero where there is none."""
@@ -86,10 +103,10 @@ class ForceFinder:
         size = math.sqrt(added((load * load).tolist()))
         return load / size if size > 0.0 else load
 
-    def _along_directions(
+    def _with_loads(
         self, sliding: Mapping[int, Array], sticking: Sequence[int], narrowing: Mapping[int, float]
     ) -> tuple[FoundForces, dict[int, float]]:
-        """The forces with the present directions of loads, and the loads along these."""
+        """The forces with the present directions of loads, or their sizes, and what the loads are with these."""
         model, terms = self.model, self.terms
         unit, constant = self._followers(sliding)
         coupled, free = product(terms.matrix, unit), terms.free + product(terms.matrix, constant)
@@ -127,6 +144,8 @@ class ForceFinder:
 
     def load_along(self, index: int, unit: Array, constant: Array) -> tuple[Array, float]:
         """The load along its direction, as slopes (rows,) by the rows that are solved for, and a constant."""
+        if self.sizes:
+            return np.zeros(len(unit)), self.sizes[index]
         unloaded, by_force = self.terms.loads[index]
         direction = self.directions[index]
         slopes = product(by_force.T, direction)
