@@ -45,8 +45,8 @@ class JointLoad:
     """The force across a joint's axis in N, affine in the contact forces λ (rows,): `unloaded` (k,) + `by_force` λ.
 
     The k = 1, 2 or 3 components are those that do not vanish in every motion. `factor` is k_s μ while the joint slides
-    in the direction k_s = ±1, and 0 otherwise; `sign` is the stored sign of a single component. `near` (k,) is the force
-    under the given forces among the inputs.
+    in the direction k_s = ±1, and 0 otherwise; `sign` is the stored sign of a single component. `near` (k,) is the
+    force under the given forces among the inputs.
     """
 
     row: int

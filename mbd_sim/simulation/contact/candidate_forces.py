@@ -42,7 +42,9 @@ class FoundForces:
 
 @dataclass(eq=False)
 class ForceFinder:
-    """Finds forces; it remembers the directions of loads, from which it starts again.
+    """Finds forces; it remembers the `directions` of loads, from which it starts again.
+
+    While it looks for forces, loads may have given `sizes` in N instead: where directions go from side to side.
 
     :param closable: gaps that can be closed.
     :param forces: λ (rows,) before, which loads have their directions from.
@@ -56,7 +58,11 @@ class ForceFinder:
     sizes: dict[int, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.directions = {index: self._direction(index, self.forces) for index in self.model.loaded}
+        self.turn(self.forces)
+
+    def turn(self, forces: Array) -> None:
+        """Let loads have the directions that they have under some forces (rows,)."""
+        self.directions = {index: self._direction(index, forces) for index in self.model.loaded}
 
     def find(
         self, sliding: Mapping[int, Array], sticking: Sequence[int], narrowing: Mapping[int, float]
@@ -73,7 +79,7 @@ class ForceFinder:
             found = self._iterated(sliding, sticking, narrowing)
             self.sizes, self.directions = {}, dict(kept)
             if found is not None:
-                self.directions = {index: self._direction(index, found.forces) for index in kept}
+                self.turn(found.forces)
                 return found
         raise NoSolutionError("friction and the loads on which it depends do not balance")
 

@@ -37,9 +37,9 @@ FORCE_ROUND_OFF = 1e-8  # of the largest force, up to which the forces found are
 PULL = 1e-9  # of the largest force, beyond which a contact that pulls is not the round-off of one without force
 NEARLY = 1e-3  # of the forces, that friction may lack beside elastic supports: root of `SOFTNESS`
 SOFTEST = 1e-8  # least weight of friction beside the largest one: with the square root of the round-off it is accurate
-NARROWINGS = (0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # parts of the limits of friction that are left as reserve
+NARROWINGS = (0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # parts of their limits that friction has as reserve
 SMALLEST = 1e-12  # of the natural force, below which limits are round-off
-NARROWED_SOFTEST = 1e-4
+NARROWED_SOFTEST = 1e-4  # the same as `SOFTEST` within narrower limits, where normal forces share as well
 ATTEMPTS = 20
 
 
@@ -76,7 +76,6 @@ class Candidates:
         self._finder = ForceFinder(model, terms, self._closable, readings.forces)
         self._held: dict[int, Array] = {}  # opposite to friction at its limit, of contacts that others hold
         self._reserves: dict[int, float] = {}  # of friction at rest, once some has reached its limit
-        self._narrowed = False
         self._narrowing: dict[int, float] = {}  # factors of the limits of friction at rest
         self._sticking: list[int] = []
         self._released: list[int] = []  # without slip, and without any capacity at present
@@ -104,7 +103,7 @@ class Candidates:
             if slipping := self._slipping(forces, rates):
                 forces, rates = self._nearly_resting(forces, rates)
                 slipping = self._slipping(forces, rates)
-            self._held, self._reserves = {}, {}
+            self._held, self._reserves, self._narrowed = {}, {}, False
             if not slipping and (limited := self._at_limit(forces)):
                 forces = self._with_least_pressures(forces)
                 if self._are_held(limited, forces):
@@ -182,23 +181,24 @@ class Candidates:
         shared = self._entangled(forces)
         if shared.isdisjoint(limited):
             return None
-        before, result = self._found, None
-        for reserve in NARROWINGS:
-            self._narrowing = dict.fromkeys(shared, 1.0 - reserve)
+        best, largest, last = self._found, 0, len(NARROWINGS)
+        while largest < last:
+            middle = (largest + last) // 2
+            self._narrowing = dict.fromkeys(shared, 1.0 - NARROWINGS[middle])
             try:
-                result = self._find_forces()
+                is_borne = not self._slipping(*self._find_forces())
             except NoSolutionError:
-                continue
-            if not self._slipping(*result):
-                break
-            result = None
-        self._narrowing = {}
-        self._narrowed = result is not None
-        if result is None:
-            self._found = before
+                is_borne = False
+            if is_borne:
+                best, last, self._narrowed = self._found, middle, True
+            else:
+                largest = middle + 1
+        self._found, self._narrowing = best, {}
+        if not self._narrowed:
             return None
-        self._reserves = {k: self._limit(k, result[0]) * (1.0 - self._use(k, result[0])) for k in sorted(shared)}
-        return result
+        forces = best.forces
+        self._reserves = {k: self._limit(k, forces) * (1.0 - self._use(k, forces)) for k in sorted(shared)}
+        return forces, best.rates
 
     def _entangled(self, forces: Array) -> frozenset[int]:
         """Friction at rest that depends on other rows, at least along one direction."""
@@ -326,6 +326,7 @@ class Candidates:
         weights[loaded] *= SOFTEST  # what slides supports nothing
         modes[[first + row for row in (*basis, *loaded)]] = weights[[*basis, *loaded]]
         modes[[first + row for row in dependent]] = -weights[dependent]
+        self._finder.turn(forces)
         unit, own = self._finder.contact_followers(self._direction)[0], weights[chosen]
         for index, direction in self._held.items():
             if (gap := model.frictions[index][1]) is not None:
