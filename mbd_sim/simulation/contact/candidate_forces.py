@@ -88,7 +88,7 @@ class ForceFinder:
     ) -> FoundForces | None:
         """The forces with the directions of their loads, or with their sizes where these are set; None without any."""
         before, share = math.inf, 1.0
-        while share > LEAST_SHARE:
+        for _ in range(LOAD_ITERATIONS):
             found, supposed = self._with_loads(sliding, sticking, narrowing)
             most = max(found.loads.values(), default=0.0)
             change = max((abs(load - supposed[index]) for index, load in found.loads.items()), default=0.0)
@@ -101,6 +101,8 @@ class ForceFinder:
             if change <= ROUND_OFF * most or 0.5 * before <= change <= NOISE * most:
                 return found
             before = change
+            if share < LEAST_SHARE:
+                break
         return None
 
     def _direction(self, index: int, forces: Array) -> Array:
@@ -127,7 +129,8 @@ class ForceFinder:
         bears = {index: size + number for number, index in enumerate(limited)}  # the rows of loads
         for index, position in bears.items():
             slopes, without = along[index]
-            scale = terms.matrix[model.frictions[index][0][0], model.frictions[index][0][0]]
+            row = model.frictions[index][0][0]
+            scale = float(terms.matrix[row, row]) or 1.0
             matrix[position, :size], matrix[position, position] = -scale * slopes[chosen], scale
             rates[position] = -scale * without
         limits = []
