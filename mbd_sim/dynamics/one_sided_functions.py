@@ -275,7 +275,8 @@ class OneSidedDynamics:
             factor = one_sided.stored_direction(element)[0] * element.sliding(one_sided.equations.velocity[row])
             by_force = ca.jacobian(across, forces)
             unloaded = ca.substitute([across], [forces], [ca.SX.zeros(forces.shape[0], 1)])[0]
-            found.append(JointLoad(row, ca.densify(unloaded), by_force, factor, signs[number]))
+            near = unloaded + by_force @ one_sided.given_forces
+            found.append(JointLoad(row, ca.densify(unloaded), by_force, factor, signs[number], near))
         return found
 
     def functions(self, open_rates: ca.SX) -> OneSidedFunctions:

@@ -50,7 +50,8 @@ class OneSidedLayout:
     closed gaps that elastic supports would leave without a force are then not active. `direction` (rows - gaps,) are
     the unit vectors of sliding, 0 without sliding, and `HELD` times that of friction that is at its static limit while
     other forces hold the contact. `given` (rows,) are forces to which those add that are solved for: the self-stress
-    that friction at its limits has locked in. Functions that read forces take all λ from there.
+    that friction at its limits has locked in; where joints with loads slide, the forces at the last event. Functions
+    that read forces take all λ from there.
     `signs` (loads,) are those of the forces across the axes of joints whose friction depends on them, where these
     forces have one direction only. `features` are the numbers of the slots, see `feature_rows`.
     """

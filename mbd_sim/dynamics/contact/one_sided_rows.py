@@ -45,7 +45,8 @@ class JointLoad:
     """The force across a joint's axis in N, affine in the contact forces λ (rows,): `unloaded` (k,) + `by_force` λ.
 
     The k = 1, 2 or 3 components are those that do not vanish in every motion. `factor` is k_s μ while the joint slides
-    in the direction k_s = ±1, and 0 otherwise; `sign` is the stored sign of a single component.
+    in the direction k_s = ±1, and 0 otherwise; `sign` is the stored sign of a single component. `near` (k,) is the
+    force under the given forces among the inputs.
     """
 
     row: int
@@ -53,6 +54,7 @@ class JointLoad:
     by_force: ca.SX
     factor: ca.SX
     sign: ca.SX
+    near: ca.SX
 
     @property
     def components(self) -> int:
@@ -69,9 +71,9 @@ class JointLoad:
         """A direction (k,) near that of the force, from which it is iterated."""
         if self.components == 1:
             return self.sign
-        size = ca.sqrt(ca.dot(self.unloaded, self.unloaded))
+        size = ca.sqrt(ca.dot(self.near, self.near))
         first = ca.SX(ca.DM([1.0] + [0.0] * (self.components - 1)))
-        return ca.if_else(size > 0.0, self.unloaded / ca.fmax(size, 1e-300), first)
+        return ca.if_else(size > 0.0, self.near / ca.fmax(size, 1e-300), first)
 
 
 def transmitted_force(links: Sequence[Link], joint: Joint, transmitted: Sequence[ca.SX]) -> ca.SX:

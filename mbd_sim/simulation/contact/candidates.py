@@ -6,7 +6,7 @@ Where forces of friction at rest are indeterminate, they are distributed so that
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,7 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
 from mbd_sim.dynamics.contact.one_sided_equations import HELD, RELEASED
+from mbd_sim.simulation.contact.candidate_forces import ForceFinder
 from mbd_sim.simulation.contact.centering import centered
 from mbd_sim.simulation.contact.compiled.slip import STOPPED
 from mbd_sim.simulation.contact.complementarity import (
@@ -27,7 +28,7 @@ from mbd_sim.simulation.contact.complementarity import (
     product,
 )
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
-from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
+from mbd_sim.simulation.contact.problem import NoSolutionError
 
 RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
@@ -36,7 +37,10 @@ FORCE_ROUND_OFF = 1e-8  # of the largest force, up to which the forces found are
 PULL = 1e-9  # of the largest force, beyond which a contact that pulls is not the round-off of one without force
 NEARLY = 1e-3  # of the forces, that friction may lack beside elastic supports: root of `SOFTNESS`
 SOFTEST = 1e-8  # least weight of friction beside the largest one: with the square root of the round-off it is accurate
-ATTEMPTS, LOAD_ITERATIONS = 20, 200
+NARROWINGS = (0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # parts of their limits that friction has as reserve
+SMALLEST = 1e-12  # of the natural force, below which limits are round-off
+NARROWED_SOFTEST = 1e-4  # the same as `SOFTEST` within narrower limits, where normal forces share as well
+ATTEMPTS = 20
 
 
 @dataclass(frozen=True)
@@ -68,12 +72,11 @@ class Candidates:
         resting = readings.rates[:gaps] <= RESTING * model.speeds[:gaps]
         self._touching = [index for index in range(gaps) if touching[index] and resting[index]]
         self._closable = [index for index in self._touching if index not in forced.open]
-        self._loads = {index: terms.load(index, readings.forces) for index in model.loaded}
         self._direction: dict[int, Array] = {}
-        self._unit = np.eye(model.layout.rows)  # the forces of all rows by a unit force of each row
-        self._coupled = terms.matrix  # A times these: with the friction of what slides
+        self._finder = ForceFinder(model, terms, self._closable, readings.forces)
         self._held: dict[int, Array] = {}  # opposite to friction at its limit, of contacts that others hold
         self._reserves: dict[int, float] = {}  # of friction at rest, once some has reached its limit
+        self._narrowing: dict[int, float] = {}  # factors of the limits of friction at rest
         self._sticking: list[int] = []
         self._released: list[int] = []  # without slip, and without any capacity at present
         for index, (rows, gap) in enumerate(model.frictions):
@@ -85,7 +88,7 @@ class Candidates:
                 self._direction[index] = slip / speed
             elif terms.sizes[index, 1] > 0.0 and gap not in forced.open:
                 self._sticking.append(index)
-            elif gap is None and index not in self._loads:
+            elif gap is None and index not in self._model.loaded:
                 self._released.append(index)
 
     def solved(self, before: Array) -> tuple[Array, Forced | None]:
@@ -96,17 +99,20 @@ class Candidates:
         :raises NoSolutionError: see `ModeFinder.find`.
         """
         for _ in range(ATTEMPTS):
-            forces, rates = self._forces_and_loads()
+            forces, rates = self._find_forces()
             if slipping := self._slipping(forces, rates):
                 forces, rates = self._nearly_resting(forces, rates)
                 slipping = self._slipping(forces, rates)
-            self._held, self._reserves = {}, {}
+            self._held, self._reserves, self._narrowed = {}, {}, False
             if not slipping and (limited := self._at_limit(forces)):
                 forces = self._with_least_pressures(forces)
                 if self._are_held(limited, forces):
                     self._held = self._against(limited, forces)
                 else:
                     forces = self._with_reserve(forces)
+                    limited = self._at_limit(forces)
+                    if limited and (found := self._within_narrower_limits(limited, forces)) is not None:
+                        forces, rates = found
                     slipping = self._yielding(forces)
             if not slipping:
                 break
@@ -129,53 +135,10 @@ class Candidates:
         units = self._model.speeds * self._model.units.rate
         return UNMOVED * units * (1.0 + float(np.max(np.abs(self._terms.free) / units, initial=0.0)))
 
-    def _forces_and_loads(self) -> tuple[Array, Array]:
-        """The forces of `_forces`, and the loads of joints that follow from them."""
-        for _ in range(LOAD_ITERATIONS):
-            forces, rates = self._forces()
-            loads = {index: self._terms.load(index, forces) for index in self._loads}
-            change = max((abs(loads[index] - load) for index, load in self._loads.items()), default=0.0)
-            self._loads = loads
-            if change <= 1e-14 * max(loads.values(), default=0.0):
-                return forces, rates
-        raise NoSolutionError("friction and the loads on which it depends do not balance")
-
-    def _forces(self) -> tuple[Array, Array]:
+    def _find_forces(self) -> tuple[Array, Array]:
         """λ (rows,) of all rows, and the accelerations (rows,) with them."""
-        model, terms = self._model, self._terms
-        n = model.layout.rows
-        matrix, free = terms.matrix.copy(), terms.free.copy()
-        unit = np.eye(n)
-        constant = np.zeros(n)
-        for index, direction in self._direction.items():
-            rows, gap = model.frictions[index]
-            size = terms.sizes[index, 0] * self._loads.get(index, 1.0)
-            for row, part in zip(rows, direction.tolist(), strict=True):
-                if gap is None:
-                    constant[row] -= size * part
-                    free += terms.matrix[:, row] * (-size * part)
-                else:
-                    unit[row, gap] -= size * part
-                    matrix[:, gap] -= terms.matrix[:, row] * (size * part)
-        self._coupled, self._unit = matrix, unit
-        chosen = [*self._closable, *(row for index in self._sticking for row in model.frictions[index][0])]
-        place = {row: position for position, row in enumerate(chosen)}
-        limits = [self._friction_limit(index, place) for index in self._sticking]
-        normals = [place[gap] for gap in self._closable]
-        compliance = model.compliance[chosen]
-        solution = contact_forces(ContactProblem(matrix[chosen][:, chosen], free[chosen], normals, limits, compliance))
-        forces, rates = constant, free.copy()
-        for row, value in zip(chosen, solution.tolist(), strict=True):
-            forces += unit[:, row] * value
-            rates += matrix[:, row] * value
-        return forces, rates
-
-    def _friction_limit(self, index: int, place: Mapping[int, int]) -> FrictionLimit:
-        """The limit of friction at rest; `place` has those of rows in the problem."""
-        rows, gap = self._model.frictions[index]
-        return FrictionLimit(
-            tuple(place[row] for row in rows), None if gap is None else place[gap], self._static(index)
-        )
+        self._found = self._finder.find(self._direction, self._sticking, self._narrowing)
+        return self._found.forces, self._found.rates
 
     def _nearly_resting(self, forces: Array, rates: Array) -> tuple[Array, Array]:
         """Forces and accelerations; where friction at rest that is shared almost balances, with what it lacks.
@@ -185,21 +148,22 @@ class Candidates:
         """
         chosen = [gap for gap in self._closable if forces[gap] > 0.0]
         chosen += [row for index in self._sticking for row in self._model.frictions[index][0]]
-        matrix = self._coupled[chosen][:, chosen]
+        matrix = self._found.coupled[chosen][:, chosen]
         if len(pivots(matrix)) == len(chosen):
             return forces, rates
         own = self._model.compliance[chosen]
         change, scale = least_solution(matrix, -rates[chosen], own), np.sqrt(own)
         if np.max(np.abs(scale * change)) > NEARLY * np.max(np.abs(scale * forces[chosen])):
             return forces, rates
-        balanced = rates + product(self._coupled[:, chosen], change)
+        balanced = rates + product(self._found.coupled[:, chosen], change)
         if np.any(np.abs(balanced[chosen]) > self._unmoved[chosen]):
             return forces, rates
-        return forces + product(self._unit[:, chosen], change), balanced
+        return forces + product(self._found.unit[:, chosen], change), balanced
 
     def _with_reserve(self, forces: Array) -> Array:
         """Other friction at rest with the same effect, as far from its limits as possible."""
-        able = [index for index in self._sticking if index not in self._loads and self._limit(index, forces) > 0.0]
+        unloaded = [index for index in self._sticking if index not in self._model.loaded]
+        able = [index for index in unloaded if self._limit(index, forces) > 0.0]
         limits = [self._limit(index, forces) for index in able]
         rows = [self._model.frictions[index][0] for index in able]
         if sum(map(len, rows)) < 2:  # nothing to share
@@ -208,19 +172,55 @@ class Candidates:
         self._reserves = {able[k]: limits[k] * (1.0 - self._use(able[k], forces)) for k in shared}
         return forces
 
+    def _within_narrower_limits(self, limited: Sequence[int], forces: Array) -> tuple[Array, Array] | None:
+        """Forces and accelerations within narrower limits, with which no more slides; None without any.
+
+        Friction at its limit that others hold along one direction only, or together with normal forces or the friction
+        of joints with loads, cannot slide against its force: it is distributed in another way.
+        """
+        shared = self._entangled(forces)
+        if shared.isdisjoint(limited):
+            return None
+        best, largest, last = self._found, 0, len(NARROWINGS)
+        while largest < last:
+            middle = (largest + last) // 2
+            self._narrowing = dict.fromkeys(shared, 1.0 - NARROWINGS[middle])
+            try:
+                is_borne = not self._slipping(*self._find_forces())
+            except NoSolutionError:
+                is_borne = False
+            if is_borne:
+                best, last, self._narrowed = self._found, middle, True
+            else:
+                largest = middle + 1
+        self._found, self._narrowing = best, {}
+        if not self._narrowed:
+            return None
+        forces = best.forces
+        self._reserves = {k: self._limit(k, forces) * (1.0 - self._use(k, forces)) for k in sorted(shared)}
+        return forces, best.rates
+
+    def _entangled(self, forces: Array) -> frozenset[int]:
+        """Friction at rest that depends on other rows, at least along one direction."""
+        rows = {index: list(self._model.frictions[index][0]) for index in self._sticking if self._limit(index, forces)}
+        pressed = [gap for gap in self._closable if forces[gap] > 0.0]
+        rank = len(independent(self._terms.matrix, [*pressed, *(row for own in rows.values() for row in own)]))
+        others = {k: [*pressed, *(row for index in rows if index != k for row in rows[index])] for k in rows}
+        return frozenset(k for k in rows if len(independent(self._terms.matrix, others[k])) + len(rows[k]) > rank)
+
     def _with_least_pressures(self, forces: Array) -> Array:
         """The normal forces of equal elastic supports beside given friction; sliding friction follows them."""
         solved = [*self._closable, *(row for index in self._sticking for row in self._model.frictions[index][0])]
         pressed = [gap for gap in self._closable if forces[gap] > 0.0]
         if not pressed:
             return forces
-        free = null_space(self._coupled[solved][:, pressed])
+        free = null_space(self._found.coupled[solved][:, pressed])
         change = least(forces[pressed], free, self._model.compliance[pressed]) - forces[pressed]
-        return forces + product(self._unit[:, pressed], change)
+        return forces + product(self._found.unit[:, pressed], change)
 
     def _are_held(self, limited: Sequence[int], forces: Array) -> bool:
         """Whether other contacts hold those whose friction is at its limit, so that it can stay there."""
-        if not self._loads.keys().isdisjoint(limited):
+        if not self._found.loads.keys().isdisjoint(limited):
             return False
         others = [gap for gap in self._closable if forces[gap] > 0.0]
         others += [row for index in self._sticking if index not in limited for row in self._model.frictions[index][0]]
@@ -254,7 +254,7 @@ class Candidates:
 
     def _static(self, index: int) -> float:
         """The limit of an element's friction at rest, for a unit force of its gap if it has one."""
-        return float(self._terms.sizes[index, 1] * self._loads.get(index, 1.0))
+        return float(self._terms.sizes[index, 1] * self._found.loads.get(index, 1.0) * self._narrowing.get(index, 1.0))
 
     def _slipping(self, forces: Array, rates: Array) -> dict[int, Array]:
         """Sticking elements that begin to slide, with the direction of that; friction is then at its limit."""
@@ -263,7 +263,8 @@ class Candidates:
             rows = self._model.frictions[index][0]
             force, limit = forces[list(rows)], self._limit(index, forces)
             size, acceleration = euclidean_norm(force), rates[list(rows)]
-            if size >= limit * AT_LIMIT and (change := euclidean_norm(acceleration)) > self._unmoved[rows[0]]:
+            at_limit = size >= limit * AT_LIMIT - SMALLEST * self._model.loads[rows[0]]
+            if at_limit and (change := euclidean_norm(acceleration)) > self._unmoved[rows[0]]:
                 found[index] = -force / size if size > 0.0 else acceleration / change
         return found
 
@@ -283,7 +284,7 @@ class Candidates:
         held = {index: HELD * direction for index, direction in self._held.items()}
         for index, direction in {**self._direction, **held}.items():
             rows, gap = model.frictions[index]
-            if index in self._loads:
+            if index in self._model.loaded and not modes[layout.active][rows[0]]:
                 modes[layout.active.start + rows[0]] = 1.0
             if gap is None or gap in closed:
                 for row, part in zip(rows, direction.tolist(), strict=True):
@@ -315,21 +316,31 @@ class Candidates:
         dependent = [row for row in shares if row not in basis]
         if not dependent:
             return
-        chosen, weights = [*basis, *dependent], model.compliance.copy()
+        sliding = [index for index in self._direction if index in self._model.loaded]
+        loaded = [model.frictions[index][0][0] for index in sliding]
+        chosen, weights = [*basis, *loaded, *dependent], model.compliance.copy()
         smallest = min(self._reserves.values(), default=0.0)
+        softest = NARROWED_SOFTEST if self._narrowed else SOFTEST
         for index, reserve in self._reserves.items():
-            weights[list(model.frictions[index][0])] *= max((smallest / reserve) ** 2, SOFTEST)
-        modes[[first + row for row in basis]] = weights[basis]
+            weights[list(model.frictions[index][0])] *= max((smallest / reserve) ** 2, softest)
+        weights[loaded] *= SOFTEST  # what slides supports nothing
+        modes[[first + row for row in (*basis, *loaded)]] = weights[[*basis, *loaded]]
         modes[[first + row for row in dependent]] = -weights[dependent]
-        unit, own = self._unit.copy(), weights[chosen]
+        self._finder.turn(forces)
+        unit, own = self._finder.contact_followers(self._direction)[0], weights[chosen]
         for index, direction in self._held.items():
             if (gap := model.frictions[index][1]) is not None:
                 unit[list(model.frictions[index][0]), gap] -= self._static(index) * direction
-        coupled = product(matrix, unit)[chosen][:, chosen]
+        coupled, none = product(matrix, unit), np.zeros(len(unit))
+        for index, row in zip(sliding, loaded, strict=True):
+            factor = self._terms.sizes[index, 0] * self._direction[index][0]
+            coupled[row] = unit[row] + factor * self._finder.load_along(index, unit, none)[0]
+        coupled = coupled[chosen][:, chosen]
         stress = forces[chosen] - least_solution(coupled, product(coupled, forces[chosen]), own)
         scale = np.sqrt(own)
         if np.max(np.abs(scale * stress)) > FORCE_ROUND_OFF * np.max(np.abs(scale * forces[chosen])):
-            modes[model.layout.given][chosen] = stress
+            # with loads, whose directions have several solutions, the forces themselves: from these the kernel starts
+            modes[model.layout.given][chosen] = forces[chosen] if loaded else stress
 
 
 def euclidean_norm(vector: Sequence[float] | Array) -> float:

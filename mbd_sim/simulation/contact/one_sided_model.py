@@ -62,12 +62,17 @@ class OneSidedTerms:
     sizes: Array
     loads: Mapping[int, tuple[Array, Array]]
 
-    def load(self, element: int, forces: Array) -> float:
-        """The size in N of the force on which the friction of an element depends."""
+    def load_vector(self, element: int, forces: Array) -> Array:
+        """The force (k,) in N on whose size the friction of an element depends."""
         unloaded, by_force = self.loads[element]
         total = unloaded.copy()
         for row, force in enumerate(forces.tolist()):
             total += by_force[:, row] * force
+        return total
+
+    def load(self, element: int, forces: Array) -> float:
+        """The size of `load_vector` in N."""
+        total = self.load_vector(element, forces)
         return math.sqrt(added((total * total).tolist()))
 
 

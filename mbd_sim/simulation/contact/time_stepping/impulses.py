@@ -13,7 +13,8 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
-from mbd_sim.simulation.contact.candidates import LOAD_ITERATIONS, RESTING, euclidean_norm
+from mbd_sim.simulation.contact.candidate_forces import LOAD_ITERATIONS
+from mbd_sim.simulation.contact.candidates import RESTING, euclidean_norm
 from mbd_sim.simulation.contact.complementarity import best_conditioned, least_solution, product
 from mbd_sim.simulation.contact.impact import ELASTIC_REST, GAIN, largest_factor
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, OneSidedTerms
