@@ -109,7 +109,10 @@ def nearest_at_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
     nearest_direction(m, toward)
     follow(m, toward)
     from_rim(m, toward, normal)
-    divide(normal, size_of(normal))
+    if size_of(normal) > 0.0:
+        divide(normal, size_of(normal))
+    else:  # the edge passes through the rim, in its plane
+        copy(m.axis, normal)
 
 
 def end_of_chord(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
@@ -135,7 +138,10 @@ def meet_at_rim(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, s
     out[FREE] = follow(m, toward)
     from_rim(m, toward, normal)
     apart = size_of(normal)
-    divide(normal, apart)
+    if apart > 0.0:
+        divide(normal, apart)
+    else:
+        copy(m.axis, normal)
     if m.sign[0] > 0.0:
         add(b.corners[3 * key[SECOND] :], m.radius[0], toward, out[POINT:])
     else:
