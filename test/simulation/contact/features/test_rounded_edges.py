@@ -148,3 +148,45 @@ def test_a_capsule_that_rocks_on_a_round_end_keeps_its_energy_and_its_spin_about
         assert simulation.momentum([0, 0, 0]).angular[2] == pytest.approx(begun, abs=1e-12)
     assert simulation.contact_event_count > 4
     assert abs(simulation.energies.residual) < 5e-9  # by contacts that are found within 1e-9 m
+
+
+def shot(kind, axes, along, offset):
+    """A capsule that flies in its direction at a round body, aside by an offset, in the plane of the first two axes."""
+    x, _, z = axes.T.tolist()
+    joint, across = {"type": "planar", "axis": z, "x_axis": x}, np.array([-along[1], along[0]])
+    flight = {"position": [*(0.4 * along + offset * across), np.arctan2(along[1], along[0])], "velocity": [*-along, 0]}
+    size = {"radius": 0.1} | ({"length": 0.1} if kind == "cylinder" else {})
+    shapes = {
+        "bar": {"type": "capsule", "radius": 0.03, "length": 0.2, "axis": x, "mass": 1},
+        "round": {"type": kind, **size, "axis": z, "mass": 1},
+    }
+    return {
+        "mechanism": "shot",
+        "gravity": [0, 0, 0],
+        "parts": {name: {"shape": shape} for name, shape in shapes.items()},
+        "joints": {
+            "bar": {**joint, "between": ["ground", "bar"], **flight},
+            "round": {**joint, "between": ["ground", "round"]},
+        },
+        "contacts": {"c": {"between": ["bar", "round"], "restitution": 1}},
+    }
+
+
+@pytest.mark.parametrize(("kind", "is_turned"), [("disc", False), ("disc", True), ("ring", True), ("cylinder", True)])
+def test_a_capsule_strikes_what_its_line_passes_through(kind, is_turned):
+    """In the plane of a disc there is no normal where its line meets the rim; it flew into the disc."""
+    chance = np.random.default_rng(7)
+    angle, offset = chance.uniform(0, 2 * np.pi), chance.uniform(-0.09, 0.09)
+    flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    axes = Rotation.random(rng=chance).as_matrix() if is_turned else flat
+    along = np.array([np.cos(angle), np.sin(angle)])
+    sim = Simulation.from_text(json.dumps(shot(kind, axes, along, offset)))
+    ahead = np.sqrt(0.13**2 - offset**2)  # of the end of the capsule, when it touches
+    normal = (ahead * along + offset * np.array([-along[1], along[0]])) / 0.13
+    sim.run(until=0.3 - ahead + 0.01)
+    (velocity, spin), struck = (sim.u[:2], sim.u[2]), sim.u[3:5]
+    end = velocity + 0.1 * spin * np.array([along[1], -along[0]])
+    assert (end - struck) @ normal == pytest.approx(along @ normal, abs=1e-12)  # as fast as it came
+    assert struck == pytest.approx((struck @ normal) * normal, abs=1e-12) and sim.u[5] == pytest.approx(0, abs=1e-12)
+    assert velocity + struck == pytest.approx(-along, abs=1e-12)
+    assert abs(sim.energies.residual) < 1e-14
