@@ -11,25 +11,21 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import MechanismError
-from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations, equations_of_rows, expressed_in_state
 from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
+from mbd_sim.dynamics.contact.planar.plane import places_along, still_axis, trial_poses, with_circles
 from mbd_sim.dynamics.contact.rows.combined_rows import CombinedRows, combined_rows
 from mbd_sim.dynamics.contact.rows.slots import PartMotions, Slot, Slots, written_slot
-from mbd_sim.dynamics.kinematics.poses import BodySymbols, SymbolicPose
+from mbd_sim.dynamics.kinematics.poses import BodySymbols
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
-from mbd_sim.dynamics.layouts.vectors import trial_states
 from mbd_sim.dynamics.math.rank import row_is_zero
-from mbd_sim.dynamics.math.spatial import constant
-from mbd_sim.mechanism.elements.contacts import PlanarBody
-from mbd_sim.mechanism.elements.parts import GROUND, Joint
+from mbd_sim.mechanism.elements.parts import Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import NaturalUnits, natural_units
-from mbd_sim.mechanism.parallel_axes import Poses, are_thin_barrels, stay_in_a_plane, with_ground
 
 Result = TypeVar("Result")
 
@@ -220,10 +216,10 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
     units = natural_units(traced.numeric, traced.step)
     still = still_axis(traced.poses)
-    poses = _trial_poses(traced)
+    poses = trial_poses(traced)
     rotations = {part: pose.rotation for part, pose in poses[0].items()} if poses else {}
-    frames = _places(traced, still), rotations
-    mechanism = _with_circles(traced, poses)
+    frames = places_along(traced, still), rotations
+    mechanism = with_circles(traced, poses)
     gaps, sticking = one_sided_rows(mechanism, bodies, time, traced.state.t, units.length, still, *frames)
     _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
@@ -414,61 +410,6 @@ def _never_moved(traced: TracedMechanism, equations: ConstraintEquations, gradie
 
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:
     return size
-
-
-def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
-    """The axis of ground, 0, 1 or 2, about which all parts turn and along which none moves; None without one."""
-    unit = np.eye(3)
-    for axis in range(3):
-        columns = [ca.sparsify(pose.rotation[:, axis] - constant(unit[axis])) for pose in poses]
-        if all(
-            _is_round_off(column) and not ca.symvar(pose.position[axis])
-            for column, pose in zip(columns, poses, strict=True)
-        ):
-            return axis
-    return None
-
-
-def _is_round_off(column: ca.SX) -> bool:
-    """Whether differences of unit vectors are constant and zero, as those of axes that are turned there and back."""
-    return column.is_constant() and bool(np.all(np.abs(ca.DM(column).full()) <= UNIT))
-
-
-def _places(traced: TracedMechanism, still: int | None) -> dict[str, float]:
-    """Where parts are along the axis along which none moves, in m."""
-    if still is None:
-        return {}
-    parts = zip((link.joint.outboard for link in traced.links), traced.poses, strict=True)
-    return {GROUND: 0.0, **{part: float(pose.position[still]) for part, pose in parts}}
-
-
-def _trial_poses(traced: TracedMechanism) -> list[Poses]:
-    """The poses of the parts and ground at the start of the file and elsewhere, before loops are closed.
-
-    Empty without contacts whose rows depend on them: those of outlines, and of discs and rings.
-    """
-    contacts = traced.numeric.contacts
-    if not any(are_thin_barrels(one) or isinstance(one.first, PlanarBody) or isinstance(one.second, PlanarBody)
-               for one in contacts):  # fmt: skip
-        return []
-    symbols = [traced.state.t, traced.state.q, traced.parameters.symbols]
-    frames = [ca.horzcat(pose.rotation, pose.position) for pose in traced.poses]
-    read = ca.Function("poses", symbols, [ca.horzcat(*frames)])
-    found = []
-    for time, q in trial_states(traced.numeric, traced.layout, given_start(traced.numeric, traced.layout)[0]):
-        columns = np.array(read(time, q, traced.parameters.base))
-        each = {link.joint.outboard: columns[:, 4 * k : 4 * k + 4] for k, link in enumerate(traced.links)}
-        found.append(with_ground({part: Pose(frame[:, 3], frame[:, :3]) for part, frame in each.items()}))
-    return found
-
-
-def _with_circles(traced: TracedMechanism, poses: Sequence[Poses]) -> Mechanism:
-    """The mechanism, of which discs and rings that stay in one plane touch as circles: in space they have no inside."""
-    contacts = tuple(
-        replace(contact, slots=0) if are_thin_barrels(numeric) and stay_in_a_plane(numeric, poses) else contact
-        for contact, numeric in zip(traced.mechanism.contacts, traced.numeric.contacts, strict=True)
-    )
-    return replace(traced.mechanism, contacts=contacts) if contacts != traced.mechanism.contacts else traced.mechanism
 
 
 def with_one_sided_inputs(traced: TracedMechanism, one_sided: OneSidedEquations) -> TracedMechanism:

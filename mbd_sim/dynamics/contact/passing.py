@@ -12,7 +12,7 @@ import casadi as ca
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.equations import expressed_in_state
 from mbd_sim.dynamics.contact.barrel_rows import has_one_row
-from mbd_sim.dynamics.contact.one_sided_equations import still_axis
+from mbd_sim.dynamics.contact.planar.plane import still_axis
 from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism, trace
 from mbd_sim.dynamics.math.expressions import function_of

@@ -92,7 +92,7 @@ def _apply_compliances(
     if not mechanism.contacts:
         return []
     from mbd_sim.dynamics.contact.compliant import apply_compliance
-    from mbd_sim.dynamics.contact.one_sided_equations import still_axis
+    from mbd_sim.dynamics.contact.planar.plane import still_axis
     from mbd_sim.mechanism.elements.contacts import ComplianceLaw
 
     return [
