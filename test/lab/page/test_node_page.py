@@ -97,7 +97,9 @@ def node(tmp_path_factory):
 @pytest.fixture(scope="module")
 def opened(node, chromium):
     address = re.search(r"the lab is at (http://\S+)", node.process.text)
-    return NodePage(chromium, address[1], node.listener)
+    page = NodePage(chromium, address[1], node.listener)
+    page.folder("Efforts")
+    return page
 
 
 def test_play_pause_step_and_reset(node, opened):
@@ -114,6 +116,7 @@ def test_play_pause_step_and_reset(node, opened):
 def test_keys(node, opened):
     listener, keyboard = node.listener, opened.page.keyboard
     opened.page.evaluate("document.activeElement.blur()")  # no control takes the keys
+    opened.press("Pause", listener.repeats, "the pause")
     node.back_to_the_start()
     begun = nanoseconds(listener.states[-1].header.stamp)
     keyboard.press("Space")
@@ -135,7 +138,6 @@ def test_speed_is_the_parameter_of_the_node(node, opened):
 
 def test_sliders_are_parameters_and_commands(node, opened):
     opened.enter("d", "0.08", lambda: node.listener.parameter("parameters.d") == 0.08, "the parameter")
-    opened.folder("Efforts")
     opened.press("Play", lambda: not node.listener.repeats(), "the run")
     opened.enter("pin (N*m)", "0.15", lambda: node.listener.states[-1].effort[0] == 0.15, "the effort")
     opened.enter(
@@ -147,6 +149,8 @@ def test_sliders_are_parameters_and_commands(node, opened):
 def test_an_effort_is_held_as_long_as_a_page_is_open(node, opened):
     """It would expire after three seconds if nobody repeated it."""
     listener = node.listener
+    opened.press("Play", lambda: not listener.repeats(), "the run")
+    opened.enter("pin (N*m)", "0.15", lambda: listener.states[-1].effort[0] == 0.15, "the effort")
     now = nanoseconds(listener.states[-1].header.stamp)
     opened.until(lambda: nanoseconds(listener.states[-1].header.stamp) > now + 4e9, "4 s of the run")
     assert listener.states[-1].effort[0] == 0.15
@@ -167,10 +171,12 @@ def test_a_recording_is_ended_and_begun(node, opened):
     recording.wait_for()
     opened.press("End the recording", lambda: not recording.count(), "the end")
     opened.press("Record", recording.count, "the recording", first=60.0)
+    assert len(list(node.folder.rglob("*.mcap"))) == 2
     opened.tab("Change")
 
 
 def test_dragging_a_paused_mechanism_sets_its_state(node, opened):
+    opened.press("Pause", node.listener.repeats, "the pause")
     node.back_to_the_start()
     opened.drag(lambda: node.listener.states[-1].position[0] > 0.05, "another position")
     opened.page.mouse.up()
@@ -179,6 +185,7 @@ def test_dragging_a_paused_mechanism_sets_its_state(node, opened):
 
 def test_inverse_kinematics_puts_the_mechanism_of_the_node(node, opened):
     """A search in the process of the page that the node never hears of, or that leaves it running."""
+    opened.press("Pause", node.listener.repeats, "the pause")
     node.back_to_the_start()
     opened.tab("Kinematics")
     put = opened.page.get_by_role("button", name="Put it there", exact=True)
@@ -212,9 +219,7 @@ def test_pulling_is_a_wrench_that_ends_with_the_page(node, opened):
 def test_the_recordings_are_recomputed(node):
     """That from the start, which a page has ended, and that which the page has begun."""
     stop_recording(node.listener, node.folder)
-    paths = sorted(node.folder.rglob("*.mcap"))
-    assert len(paths) == 2
-    for path in paths:
+    for path in node.folder.rglob("*.mcap"):
         node.listener.until(lambda path=path: path.read_bytes().endswith(MAGIC), f"the end of {path.name}")
         assert verified(path).compared
     assert node.process.end() == 0
