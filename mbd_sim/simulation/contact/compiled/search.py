@@ -42,7 +42,8 @@ from mbd_sim.simulation.contact.compiled.pairs import (
 from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 from mbd_sim.simulation.contact.compiled.sliding import Sliding, forward
 
-ITERATIONS = 80
+ITERATIONS = 100
+ROUNDING = 2.0**-50  # of a bracket, next to which no place is tried
 NEAREST_START = 2.0**-40  # of a length, up to which a positive value is sought after a start at zero
 BACKTRACK = 0.5  # of a length, in this search
 LONG_BACKTRACK = 2.0**-4  # the same where friction has two directions: such motions cost more
@@ -214,38 +215,46 @@ def first_zero(
     if abs(f_low) < abs(f_high):
         best, least = low, f_low
     above, below = enough_above(c, m, what, tolerance), enough_below(c, m, what, tolerance)
-    shortest, side = RESOLUTION * (m.t + length) if c.pairs else 0.0, 0
-    last_above, last_below, fine = abs(f_low), abs(f_high), 0
-    for count in range(ITERATIONS):
-        middle = (low * f_high - high * f_low) / (f_high - f_low)
-        if count % 4 == 3 or not low < middle < high:
-            middle = 0.5 * (low + high)
-        middle = max(low + shortest, min(high - shortest, middle))
-        if not low < middle < high:
+    shortest, share, fine = RESOLUTION * (m.t + length) if c.pairs else 0.0, f_low / (f_low - f_high), 0
+    new, f_new, other, f_other, old, f_old = low, f_low, high, f_high, high, f_high  # the zero is between the first two
+    for _ in range(ITERATIONS):
+        width = abs(other - new)
+        least_share = max(shortest / width, ROUNDING)
+        place = new + max(least_share, min(1.0 - least_share, share)) * (other - new)
+        if not min(new, other) < place < max(new, other) or 2.0 * shortest > width:
             break
-        found = value_of(c, m, middle, what, index)
+        found = value_of(c, m, place, what, index)
         if not math.isfinite(found):
             break
         if abs(found) < least:
-            best, least = middle, abs(found)
+            best, least = place, abs(found)
         if -below <= found <= above:
-            return middle
-        fine += 1 if max(last_above, last_below) <= NOISE * accuracy else 0
+            return place
+        if (found > 0.0) == (f_new > 0.0):
+            old, f_old = new, f_new
+        else:
+            old, f_old, other, f_other = other, f_other, new, f_new
+        new, f_new = place, found
+        fine += 1 if max(abs(f_new), abs(f_other)) <= NOISE * accuracy else 0
         if fine > FINE:
             break
-        if found > 0.0:
-            last_above = found
-            if side > 0:
-                factor = 1.0 - found / f_low
-                f_high *= factor if factor > 0.0 else 0.5
-            low, f_low, side = middle, found, 1
-        else:
-            last_below = -found
-            if side < 0:
-                factor = 1.0 - found / f_high
-                f_low *= factor if factor > 0.0 else 0.5
-            high, f_high, side = middle, found, -1
+        share = next_share(new, f_new, other, f_other, old, f_old)
+    high = new if f_new < 0.0 else other
     return best if least <= tolerance else high
+
+
+def next_share(x: float, f: float, other: float, f_other: float, old: float, f_old: float) -> float:
+    """Where between x and the other end of a bracket a zero is sought next, after an older place.
+
+    Inverse quadratic interpolation where it is monotonic in the bracket, else the middle: T. R. Chandrupatla, A new
+    hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function without using derivatives,
+    Advances in Engineering Software 28 (1997) 145-149.
+    """
+    position, height = (x - other) / (old - other), (f - f_other) / (f_old - f_other)
+    if not (height * height < position and (1.0 - height) * (1.0 - height) < 1.0 - position):
+        return 0.5
+    slope = (old - x) / (other - x)
+    return f / (f_other - f) * f_old / (f_other - f_old) + slope * f / (f_old - f) * f_other / (f_old - f_other)
 
 
 def enough_below(c: Contacts, m: TrialPart, what: int, tolerance: float) -> float:
