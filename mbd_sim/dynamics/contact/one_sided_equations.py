@@ -17,7 +17,7 @@ from mbd_sim.dynamics.constraints.functions import constraint_functions
 from mbd_sim.dynamics.constraints.rows import ConstraintRow
 from mbd_sim.dynamics.constraints.start import given_start, later_times
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
-from mbd_sim.dynamics.contact.planar.plane import places_along, still_axis, trial_poses, with_circles
+from mbd_sim.dynamics.contact.planar.plane import places_along, plane_normal, still_axis, trial_poses, with_circles
 from mbd_sim.dynamics.contact.rows.combined_rows import CombinedRows, combined_rows
 from mbd_sim.dynamics.contact.rows.slots import PartMotions, Slot, Slots, written_slot
 from mbd_sim.dynamics.kinematics.poses import BodySymbols
@@ -220,7 +220,9 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     rotations = {part: pose.rotation for part, pose in poses[0].items()} if poses else {}
     frames = places_along(traced, still), rotations
     mechanism = with_circles(traced, poses)
-    gaps, sticking = one_sided_rows(mechanism, bodies, time, traced.state.t, units.length, still, *frames)
+    gaps, sticking = one_sided_rows(
+        mechanism, bodies, time, traced.state.t, units.length, still, plane_normal(traced, still), *frames
+    )
     _require_few_slots(traced.numeric, gaps)
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]

@@ -25,7 +25,7 @@ from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
 from mbd_sim.dynamics.contact.planar.planar_solids import between_outlines, in_plane
-from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, without_repeated
+from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, with_slip_in_plane, without_repeated
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE, smooth_touch
 from mbd_sim.dynamics.kinematics.links import Link
 from mbd_sim.dynamics.kinematics.poses import BodyFrame, BodySymbols
@@ -174,6 +174,7 @@ def one_sided_rows(
     t: ca.SX,
     length: float,
     still: int | None,
+    across: Array | None,
     places: Mapping[str, float],
     rotations: Mapping[str, Array],
 ) -> tuple[list[Gap], list[StickingFriction]]:
@@ -183,6 +184,7 @@ def one_sided_rows(
     :param t: the symbol of time in the forces.
     :param length: the natural one in m.
     :param still: see `touch`.
+    :param across: (3,) the normal of the plane in which all parts move, if there is one.
     :param places: of the parts along this axis, in m.
     :param rotations: (3, 3) of the parts and ground at the start.
     """
@@ -211,20 +213,21 @@ def one_sided_rows(
             problem = message.format(*map(repr, contact.names))
             raise MechanismError([mechanism.source.problem(("contacts", contact.name), problem, remedy)])
         if moving.slots and not has_one_row(moving, still):
-            gaps += _slots(moving, bodies, length)
+            gaps += _slots(moving, bodies, length, across if moving.still is None else None)
         else:
-            gaps += [_shape_gap(each, bodies, still) for each in with_rim_points(contact, still)]
+            gaps += [_shape_gap(each, bodies, still, across) for each in with_rim_points(contact, still)]
     return gaps, frictions
 
 
-def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None) -> Gap:
-    return _gap_of(contact, touch(contact, *_frames(contact, bodies), still), bodies)
+def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None, across: Array | None) -> Gap:
+    touching = touch(contact, *_frames(contact, bodies), still)
+    return _gap_of(contact, touching if still is not None else with_slip_in_plane(touching, across), bodies)
 
 
-def _slots(contact: Contact, bodies: BodySymbols, length: float) -> Iterator[Gap]:
+def _slots(contact: Contact, bodies: BodySymbols, length: float, across: Array | None) -> Iterator[Gap]:
     """The gaps of a contact whose features change: all have the rows of the first one, with its numbers."""
     numbers, touching = _touch_of_slots(contact, bodies, length)
-    gap = _gap_of(contact, touching, bodies)
+    gap = _gap_of(contact, with_slip_in_plane(touching, across), bodies)
     assert gap.place is not None
     for slot in range(1, contact.slots + 1):
         quantity = f"{contact.quantity} {slot}" if contact.slots > 1 else contact.quantity

@@ -101,6 +101,7 @@ def withdrawn(radius: Any, square: Any) -> Any:
 
 FLAT = 1e-30  # square of the sine of the angle below which a rim counts as lying flat
 ALONG = 1e-9  # of a tube's radius, by which a ball in the plane of a ring may be beside it by round-off
+TINY = 1e-60  # square below which a direction counts as zero: where a normal is across the plane of a mechanism
 STEEP = 0.8  # component of a normal along y, from which on z is the reference for directions of slip
 
 
@@ -328,6 +329,18 @@ def tangents(normal: ca.SX, still: int | None) -> tuple[ca.SX, ca.SX]:
     side = ca.cross(reference, normal)
     side /= ca.norm_2(side)
     return side, ca.cross(normal, side)
+
+
+def with_slip_in_plane(touching: Touch, across: Array | None) -> Touch:
+    """The geometry with sides in the plane in which all parts move, which has the normal `across` (3,), and across it.
+
+    Slip across the plane does not occur, so its row is left out. Of two other rows, each would become unable to act
+    where the bodies have turned such that it is across the plane.
+    """
+    if across is None:
+        return touching
+    first = ca.cross(constant(across), touching.normal)
+    return replace(touching, sides=(first / ca.sqrt(ca.dot(first, first) + TINY), constant(across)))
 
 
 def _ball_on_cam(ball: Ball | Barrel, cam: Cam, first: SymbolicPose, second: SymbolicPose) -> Touch:

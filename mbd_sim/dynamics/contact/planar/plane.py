@@ -8,7 +8,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.linear_algebra import norm, product
 from mbd_sim.dynamics.constraints.start import given_start
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
@@ -20,6 +21,9 @@ from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.parallel_axes import Poses, are_thin_barrels, stay_in_a_plane, with_ground
 
 ROUND_OFF = 1e-13  # by which the axes of parts may differ from those of ground
+TURNED = 1e-3  # rad, about; a turn that is large enough to tell its axis
+IN_PLANE = 1e-10  # of unit vectors and positions, by which parts may leave a plane that is not one of ground's axes
+DIGITS = 12  # of the normal of such a plane
 
 
 def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
@@ -48,6 +52,37 @@ def places_along(traced: TracedMechanism, still: int | None) -> dict[str, float]
     return {GROUND: 0.0, **{part: float(pose.position[still]) for part, pose in parts}}
 
 
+def plane_normal(traced: TracedMechanism, still: int | None) -> Array | None:
+    """The direction (3,) of ground about which all parts turn and along which none moves; None without one.
+
+    :param still: see `still_axis`.
+    """
+    if still is not None:
+        return np.eye(3)[still]
+    if any(joint.kind.quaternion is not None for joint in traced.numeric.joints.values()):
+        return None
+    start, *others = _placed_at_random(traced)
+    moved = [(start[part], pose) for poses in others for part, pose in poses.items()]
+    normal = max((_axis_of_turn(before, after) for before, after in moved), key=norm)
+    if norm(normal) < TURNED:
+        return None
+    normal = np.round(normal / norm(normal), DIGITS)
+    return normal if all(_moves_across(normal, before, after) for before, after in moved) else None
+
+
+def _axis_of_turn(before: Pose, after: Pose) -> Array:
+    """The axis (3,) of the turn between two poses, with twice the sine of its angle as its length."""
+    turn = product(after.rotation, before.rotation.T)
+    return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+
+
+def _moves_across(normal: Array, before: Pose, after: Pose) -> bool:
+    """Whether a part turns about a direction (3,) only, and does not move along it."""
+    held = product(after.rotation, product(before.rotation.T, normal)) - normal
+    along = float(product(normal, after.position - before.position))
+    return norm(held) <= IN_PLANE and abs(along) <= IN_PLANE * (norm(before.position) + norm(after.position))
+
+
 def trial_poses(traced: TracedMechanism) -> list[Poses]:
     """The poses of the parts and ground at the start of the file and elsewhere, before loops are closed.
 
@@ -57,6 +92,11 @@ def trial_poses(traced: TracedMechanism) -> list[Poses]:
     if not any(are_thin_barrels(one) or isinstance(one.first, PlanarBody) or isinstance(one.second, PlanarBody)
                for one in contacts):  # fmt: skip
         return []
+    return _placed_at_random(traced)
+
+
+def _placed_at_random(traced: TracedMechanism) -> list[Poses]:
+    """The poses of the parts and ground at the start of the file and elsewhere, before loops are closed."""
     symbols = [traced.state.t, traced.state.q, traced.parameters.symbols]
     frames = [ca.horzcat(pose.rotation, pose.position) for pose in traced.poses]
     read = ca.Function("poses", symbols, [ca.horzcat(*frames)])
