@@ -14,6 +14,7 @@ import atexit
 import ctypes
 import gc
 import importlib
+import inspect
 import json
 import os
 import select
@@ -157,6 +158,7 @@ def main() -> int:
     """Fork a program for each line on standard input; report its process id, and its exit code when it has ended."""
     for module in (*PROGRAMS, *LATER):
         importlib.import_module(module)
+    inspect.getmodule(sys._getframe())  # a node that logs would search the files of all modules first
     gc.collect()
     gc.freeze()
     signal.signal(signal.SIGCHLD, _reap)

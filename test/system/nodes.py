@@ -139,7 +139,7 @@ def refusal(folder: Path, parameters: dict[str, Any]) -> str:
 
 
 class Listener:
-    """Subscribes to everything that a `sim_node` publishes, and calls its services."""
+    """Subscribes to what a `sim_node` publishes, and calls its services."""
 
     server = "sim_node"
     process: SimNodeProcess | None = None  # where one is given, waiting ends with it
@@ -152,16 +152,12 @@ class Listener:
         self.executor.add_node(self.node)
         self.states: list[JointState] = []
         self.arrivals: list[float] = []  # of the states, in s of the steady clock
-        self.energies: list[Float64MultiArray] = []
-        self.clocks: list[int] = []
         self.events: list[str] = []
         self.descriptions: list[str] = []
         self.applied: list[list[float]] = []
         latched = rclpy.qos.QoSProfile(depth=100, durability=rclpy.qos.QoSDurabilityPolicy.TRANSIENT_LOCAL)
         subscribe = self.node.create_subscription
         subscribe(JointState, "joint_states", self._take_state, 1000)
-        subscribe(Float64MultiArray, "energies", self.energies.append, 1000)
-        subscribe(Clock, "/clock", lambda message: self.clocks.append(nanoseconds(message.clock)), 1000)
         subscribe(String, "sim_node/events", lambda message: self.events.append(message.data), latched)
         subscribe(String, "robot_description", lambda message: self.descriptions.append(message.data), latched)
         subscribe(Float64MultiArray, "sim_node/applied_efforts", lambda m: self.applied.append(list(m.data)), 1000)
@@ -171,6 +167,28 @@ class Listener:
     def _take_state(self, message: JointState) -> None:
         self.states.append(message)
         self.arrivals.append(time.monotonic())
+
+    # Few tests look at what follows; each message takes this process and the node some 0.5 ms.
+
+    @functools.cached_property
+    def energies(self) -> list[Float64MultiArray]:
+        """The messages from the first use on."""
+        found: list[Float64MultiArray] = []
+        self.node.create_subscription(Float64MultiArray, "energies", found.append, 1000)
+        return found
+
+    @functools.cached_property
+    def clocks(self) -> list[int]:
+        """The times on /clock in ns from the first use on."""
+        found: list[int] = []
+        self.node.create_subscription(Clock, "/clock", lambda m: found.append(nanoseconds(m.clock)), 1000)
+        return found
+
+    def next_energies(self) -> list[float]:
+        """Wait for a message of energies: its values."""
+        seen = len(self.energies)
+        self.until(lambda: len(self.energies) > seen, "energies")
+        return list(self.energies[-1].data)
 
     @property
     def stall(self) -> float:

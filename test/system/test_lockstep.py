@@ -37,6 +37,8 @@ def test_control_cycles_give_the_same_bits_as_without_ros(listener):
 
 
 def test_the_parameters_of_the_simulator_are_restored_and_mistakes_are_reported(listener):
+    listener.set_parameter("step_on_command", False)
+    listener.set_parameter("publish_rate", 50.0)
     with Lockstep(context=listener.context, timeout=PATIENCE) as lockstep:
         assert listener.parameter("step_on_command") is True
         with pytest.raises(CommandError, match="not finite"):

@@ -43,11 +43,11 @@ def test_a_state_set_by_name_and_resets_to_given_starts_are_confirmed_recorded_a
         listener.reset()
         listener.until_paused()
         listener.until(lambda: abs(listener.states[-1].position[0] - math.radians(20)) < 1e-12, "the given start")
-        listener.until(lambda: abs(listener.energies[-1].data[-1]) < 1e-12, "its energies")
+        listener.until(lambda: abs(listener.next_energies()[-1]) < 1e-12, "its energies")
         listener.pause(False)
         seen = len(listener.states)
         listener.until(lambda: len(listener.states) > seen + 20, "states after the reset")
-        assert abs(listener.energies[-1].data[-1]) < 1e-7
+        assert abs(listener.next_energies()[-1]) < 1e-7
         assert process.end() == 0
         assert "Traceback" not in process.text
     result = verified(tmp_path / "logs")

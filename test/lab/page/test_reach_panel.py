@@ -40,6 +40,7 @@ def test_what_is_refused_or_commanded_is_not_told_as_reached():
 def reaching(opened):
     opened.tab("Kinematics")
     panel = opened.lab.page._reach
+    panel._pose = panel._held = None  # those of tests before
     yield opened, panel
     opened.select("Point", NONE, lambda: panel._point.value == NONE, "no point")
 

@@ -47,7 +47,7 @@ def stack():
 
 def test_a_stack_rests_without_creep(stack):
     stack.reset()
-    start = stack.q.copy()
+    start, events = stack.q.copy(), stack.contact_event_count
     stack.step(60)
     assert np.max(np.abs(stack.q - start)) < 1e-15
     assert abs(stack.energies.residual) < 1e-15
@@ -56,7 +56,7 @@ def test_a_stack_rests_without_creep(stack):
         pressed = [state for name, state in states.items() if name.startswith(contact) and state.normal]
         assert sum(state.normal for state in pressed) == pytest.approx(load, rel=1e-9)
         assert len(pressed) == 2 and {state.state for state in pressed} == {"sticks"}
-    assert stack.contact_event_count == 0
+    assert stack.contact_event_count == events
 
 
 def test_steps_one_by_one_and_from_a_snapshot_are_the_same_bit_for_bit(stack):

@@ -31,10 +31,11 @@ from mbd_sim.simulation.contact.compiled.features.vectors import dot, place, sub
 
 REACH = 0.05  # of the size of the smaller outline, distance up to which pieces are looked at one by one
 DEEP = 0.3  # of that size, depth up to which pieces of outlines that touch nowhere can penetrate each other
+NEIGHBORS = 8.0  # times what a pair is beyond its ends, and its depth: at most so far are the points of its neighbors
 BORDER = 0.5  # of the tolerance, by which a point may be beyond the end of its piece
 SAME = 8.0  # tolerances, up to which two points are one
 PARALLEL = 1e-6  # sine of the angle up to which two normals are one
-SURFACE = 1e-12  # of the size, depth up to which a point is on the outline
+SURFACE = 1e-14  # of the size, depth up to which a point is on the outline
 FIRST, SECOND, MARK = 8, 9, 10  # behind a meeting: the indices of both pieces, and what is decided of it
 FOUND = 11
 OPEN, CANDIDATE, KEPT = 0, 1, 2  # marks
@@ -147,25 +148,46 @@ def distance_within(p: Outlines, at: Array, reach: float, with_others: bool) -> 
     count = count_near(p, at, reach, firsts, seconds, beyond)
     found = zeros(FOUND * count)
     find_pairs(p, at, reach, firsts, seconds, found)
-    least = least_gap(p, found, count, at)
+    least = least_gap(p, found, count, at, reach)
     return min(least, beyond[0]) if with_others else least
 
 
-def least_gap(p: Outlines, found: Array, count: int, at: Array) -> float:
-    """The least gap in m of some pairs, negative if any of them penetrate each other; infinite without any."""
-    apart, deepest = math.inf, math.inf
+def least_gap(p: Outlines, found: Array, count: int, at: Array, reach: float) -> float:
+    """The least gap in m of some pairs, negative if any of them penetrate each other; infinite without any.
+
+    The points of a pair with a negative gap are so far from each other, and so near are the outlines: without another
+    pair that is apart by less, they overlap, even if neither point is inside, as where two sharp corners cross.
+
+    :param reach: all pairs that are nearer are among these.
+    """
+    apart, deepest, least, sure = math.inf, math.inf, math.inf, SURE * p.scale
     for k in range(count):
         row = found[FOUND * k :]
-        if row[MARGIN] >= -SURE * p.scale:
+        if row[MARGIN] >= 0.0 or (row[MARGIN] >= -sure and not is_passed(found, count, k, sure)):
             if row[GAP] < 0.0:
                 row[MARK] = CANDIDATE
+                least = min(least, -row[GAP])
             else:
                 apart = min(apart, row[GAP])
     keep_penetrating(p, found, count, at)
     for k in range(count):
         if found[FOUND * k + MARK] == KEPT:
             deepest = min(deepest, found[FOUND * k + GAP])
-    return deepest if deepest < math.inf else apart
+    if deepest < math.inf:
+        return deepest
+    return -least if least + 2.0 * sure < min(apart, reach) else apart
+
+
+def is_passed(found: Array, count: int, k: int, sure: float) -> bool:
+    """Whether a pair beyond the ends of its pieces has one at the same place that is not: it has taken over."""
+    row = found[FOUND * k :]
+    near = NEIGHBORS * (sure - min(row[GAP], 0.0))
+    return any(
+        found[FOUND * n + MARGIN] >= 0.0
+        and length_of(row[AT] - found[FOUND * n + AT], row[AT + 1] - found[FOUND * n + AT + 1]) <= near
+        and length_of(row[OTHER] - found[FOUND * n + OTHER], row[OTHER + 1] - found[FOUND * n + OTHER + 1]) <= near
+        for n in range(count)
+    )
 
 
 def keep_penetrating(p: Outlines, found: Array, count: int, at: Array) -> None:
@@ -198,18 +220,20 @@ def is_beside(row: Array, known: Array) -> bool:
 def is_inside(p: Outlines, row: Array, at: Array) -> bool:
     """Whether the point of each piece is inside the other outline.
 
-    If one is a corner, only its point need be; if one is thin, only that of the thin one.
+    If one is a corner, only its point need be; if one is thin, only that of the thin one. Beside a corner of the other
+    outline, a corner can leave it on another side while both outlines go on to overlap: then the point that faces it,
+    which is not its own, is inside the outline of the corner.
     """
-    one, other, surface = p.first, p.second, -SURFACE * p.scale
+    one, other, surface = p.first, p.second, SURFACE * p.scale
     first_corner, second_corner = one.corners[int(row[FIRST])], other.corners[int(row[SECOND])]
     own = not one.thin and (other.thin or not first_corner)
     its = not other.thin and (one.thin or not second_corner)
-    if its and depth_of(p.point, other, row[AT], row[AT + 1]) < surface:
-        return False
-    if not own:
-        return True
     x, y = back_x(at, row[OTHER], row[OTHER + 1]), back_y(at, row[OTHER], row[OTHER + 1])
-    return depth_of(p.point, one, x, y) >= surface
+    if its and depth_of(p.point, other, row[AT], row[AT + 1]) < -surface:
+        return not own and not one.thin and depth_of(p.point, one, x, y) > surface
+    if own and depth_of(p.point, one, x, y) < -surface:
+        return not its and not other.thin and depth_of(p.point, other, row[AT], row[AT + 1]) > surface
+    return True
 
 
 def is_within(p: Outlines, at: Array) -> bool:
