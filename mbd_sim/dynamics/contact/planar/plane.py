@@ -63,10 +63,10 @@ def plane_normal(traced: TracedMechanism, still: int | None) -> Array | None:
         return None
     start, *others = _placed_at_random(traced)
     moved = [(start[part], pose) for poses in others for part, pose in poses.items()]
-    normal = max((_axis_of_turn(before, after) for before, after in moved), key=norm)
-    if norm(normal) < TURNED:
+    longest = max((_axis_of_turn(before, after) for before, after in moved), key=norm)
+    if norm(longest) < TURNED:
         return None
-    normal = np.round(normal / norm(normal), DIGITS)
+    normal: Array = np.round(longest / norm(longest), DIGITS)
     return normal if all(_moves_across(normal, before, after) for before, after in moved) else None
 
 
