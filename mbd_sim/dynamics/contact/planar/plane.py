@@ -58,7 +58,7 @@ def plane_normal(traced: TracedMechanism, still: int | None) -> Array | None:
     :param still: see `still_axis`.
     """
     if still is not None:
-        return np.eye(3)[still]
+        return np.array([float(axis == still) for axis in range(3)])
     if any(joint.kind.quaternion is not None for joint in traced.numeric.joints.values()):
         return None
     start, *others = _placed_at_random(traced)
