@@ -1,4 +1,4 @@
-"""Rims at other rims and at ellipsoids, at places where they touch by construction, with normals up to the axes."""
+"""Rims at other rims, round sides and ellipsoids, at places where they touch by construction, with normals up to the axes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,11 @@ BODIES = {  # and how far the rim is below the center of the body
     "disc": (Barrel(HERE, UP, RIM, 0.0), 0.0),
     "cone": (ConeBody(HERE, UP, RIM, 0.4), 0.2),
     "ellipsoid": (EllipsoidBody(HERE, np.eye(3), tuple(RADII)), 0.0),
+    "side": (Barrel(HERE, UP, RIM, 0.4), 0.0),
+    "slope": (ConeBody(HERE, UP, RIM, 0.4), RIM / np.hypot(RIM, 0.4)),  # and the cosine of its normal with the axis
 }
-PAIRS = [(one, two) for one in BODIES for two in BODIES if "ellipsoid" not in (one, two) or one != two]
+RIMS = ("cylinder", "disc", "cone")
+PAIRS = [(one, two) for one in BODIES for two in BODIES if one in RIMS or two in RIMS]
 KINDS = pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
 
 
@@ -52,6 +55,13 @@ def touching(kinds, numbers, spin, apart=0.0):
         if kind == "ellipsoid":  # the lowest point along its own normal
             own = rotation.T @ own
             arm = -rotation @ (RADII**2 * own / np.sqrt(np.sum((RADII * own) ** 2)))
+        if kind in ("side", "slope"):  # in the middle of it
+            sine = np.sqrt(1.0 - depth**2)
+            axis = sine * tangent - depth * own
+            radial = -(own + depth * axis) / sine
+            first = turned * radial + np.sqrt(1.0 - turned**2) * np.cross(axis, radial)
+            rotation = np.column_stack([first, np.cross(axis, first), axis])
+            arm = (0.5 if kind == "slope" else 1.0) * RIM * radial
         poses.append(Pose((sign > 0) * apart * normal - arm, rotation))
     return poses, normal, apart * normal
 

@@ -55,7 +55,7 @@ def meet(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: 
     """Two features with a normal: points of sides and of faces are those of the other feature's corner.
 
     :param at: of `POINT_FACE` and `FACE_POINT`, the point that is fixed in one of the bodies; of a rim and a
-        rounded edge, another rim or an ellipsoid, the direction near which they touch.
+        rounded edge, another rim, a round side or an ellipsoid, the direction near which they touch.
     """
     kind, i, j = key[KIND], key[FIRST], key[SECOND]
     copy(normal, out[NORMAL:])

@@ -1,13 +1,13 @@
-"""A rim that touches another rim or an ellipsoid: the direction from the center of the rim in which they touch.
+"""A rim that touches another rim, a round side or an ellipsoid: the direction from its center in which they touch.
 
 With the center c, the axis a and the radius ρ of the rim, it is the unit vector w across a at which the line from the
 nearest point y of the other one to x = c + ρ w is across the tangent of the rim:
 
     (a × w)·(x - y) = 0.
 
-Where both meet, the normal is that of both tangents, or that of the ellipsoid at y. It may pass through the axis, near
-which the support of the rim has a kink and steps from the last normal lead past the next one; w is smooth there. Beyond
-the axis, the end of the rim takes its place.
+Where both meet, the normal is that of both tangents, or that of the side or the ellipsoid at y. It may pass through the
+axis, near which the support of the rim has a kink and steps from the last normal lead past the next one; w is smooth
+there. Beyond the axis, the end of the rim takes its place.
 
 As normals do, the directions that others see lead from the second body to the first one.
 """
@@ -24,11 +24,13 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import FREE, G
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CONVERGED,
     CORNER_CORNER,
+    CORNER_SIDE,
     FIRST,
     ITERATIONS,
     KIND,
     LARGEST_STEP,
     SECOND,
+    SIDE_CORNER,
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
@@ -52,15 +54,17 @@ NUMBERS = 3
 
 @dataclass(frozen=True)
 class RimContact:
-    """A rim, and what it touches: the corner `opposite` of the other body, a rim or an ellipsoid.
+    """A rim, and what it touches: the corner `opposite` of the other body, a rim or an ellipsoid, or a side.
 
-    `center` (3,) is that of the rim from that of the other one, and `axis` (3,) its axis.
+    The `side` is -1 if it touches a corner; else `opposite` is where the side begins. `center` (3,) is that of the rim
+    from that of the corner, and `axis` (3,) its axis.
     """
 
     rim: PlacedRound
     corner: int
     other: PlacedRound
     opposite: int
+    side: int
     center: Array
     axis: Array
 
@@ -83,18 +87,24 @@ class PointOfRim:
 
 
 def is_rim_contact(a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
-    """Whether the features of a key are two rims, or a rim and an ellipsoid."""
+    """Whether the features of a key are two rims, or a rim and a round side or an ellipsoid."""
+    if key[KIND] == SIDE_CORNER:
+        return a.hull.ruled[key[FIRST]] != 0 and is_rim(b, key[SECOND])
+    if key[KIND] == CORNER_SIDE:
+        return b.hull.ruled[key[SECOND]] != 0 and is_rim(a, key[FIRST])
     if key[KIND] != CORNER_CORNER or not (a.hull.curved[key[FIRST]] and b.hull.curved[key[SECOND]]):
         return False
     return is_rim(a, key[FIRST]) or is_rim(b, key[SECOND])
 
 
 def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array, normal: Array) -> None:
-    """The direction in which a rim touches another one or an ellipsoid, and the normal: the best of those found."""
-    rim, other, corner, opposite, sign = a, b, key[FIRST], key[SECOND], 1.0
-    if not is_rim(a, key[FIRST]):
+    """The direction in which a rim touches another one, a side or an ellipsoid, and the normal: the best ones found."""
+    rim, other, corner, opposite, sign, side = a, b, key[FIRST], key[SECOND], 1.0, -1
+    if key[KIND] == SIDE_CORNER or not is_rim(a, key[FIRST]):
         rim, other, corner, opposite, sign = b, a, key[SECOND], key[FIRST], -1.0
-    m = RimContact(rim, corner, other, opposite, zeros(3), zeros(3))
+    if key[KIND] != CORNER_CORNER:
+        side, opposite = opposite, other.hull.ends[2 * opposite]
+    m = RimContact(rim, corner, other, opposite, side, zeros(3), zeros(3))
     at = PointOfRim(zeros(3), zeros(3), zeros(3), zeros(3), zeros(3), zeros(NUMBERS))
     best, apart = zeros(1), zeros(SAMPLES)
     place_rim(m)
@@ -102,12 +112,12 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
     for k in range(SAMPLES):
         sample(m, k, at.outward)
         look(m, at)
-        apart[k] = dot(at.normal, at.line) if not is_rim(other, opposite) else size_of(at.line)
+        apart[k] = size_of(at.line) if touches_rim(m) else dot(at.normal, at.line)
     for k in range(SAMPLES):
         if apart[k] <= min(apart[(k + 1) % SAMPLES], apart[(k + SAMPLES - 1) % SAMPLES]):
             sample(m, k, at.outward)
             keep_better(m, at, best, toward, normal)
-    for k in range(STARTS if is_rim(other, opposite) else 0):
+    for k in range(STARTS if touches_rim(m) else 0):
         if start_of_rims(m, k, at.outward):
             keep_better(m, at, best, toward, normal)
     scale(-sign, toward, at.outward)
@@ -117,11 +127,13 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
 
 
 def meet_rim(a: PlacedRound, b: PlacedRound, key: Integers, start: Array, out: Array) -> None:
-    """A rim that touches another one or an ellipsoid near a direction; the margin is only that to their ends."""
-    rim, other, corner, opposite, sign = a, b, key[FIRST], key[SECOND], 1.0
-    if not is_rim(a, key[FIRST]):
+    """A rim that touches another one, a side or an ellipsoid near a direction, with the margin to their ends."""
+    rim, other, corner, opposite, sign, side = a, b, key[FIRST], key[SECOND], 1.0, -1
+    if key[KIND] == SIDE_CORNER or not is_rim(a, key[FIRST]):
         rim, other, corner, opposite, sign = b, a, key[SECOND], key[FIRST], -1.0
-    m = RimContact(rim, corner, other, opposite, zeros(3), zeros(3))
+    if key[KIND] != CORNER_CORNER:
+        side, opposite = opposite, other.hull.ends[2 * opposite]
+    m = RimContact(rim, corner, other, opposite, side, zeros(3), zeros(3))
     at = PointOfRim(zeros(3), zeros(3), zeros(3), zeros(3), zeros(3), zeros(NUMBERS))
     radius = rim.hull.rims[corner]
     place_rim(m)
@@ -130,15 +142,20 @@ def meet_rim(a: PlacedRound, b: PlacedRound, key: Integers, start: Array, out: A
     scale(sign, at.normal, out[NORMAL:])
     scale(-sign, at.outward, out[TOWARD:])
     out[GAP], out[MARGIN] = dot(at.normal, at.line), -radius * dot(at.normal, at.outward)
-    if is_rim(other, opposite):
+    if touches_rim(m):
         out[MARGIN] = min(out[MARGIN], dot(at.normal, at.arm))
-    if sign > 0.0:
+    if sign > 0.0 or side >= 0:
         add(rim.corners[3 * corner :], radius, at.outward, out[POINT:])
     else:
         add(other.corners[3 * opposite :], 1.0, at.arm, out[POINT:])
     out[FREE] = HINT
     if at.numbers[BEND] > 0.0:
         out[FREE] = HINT * min(1.0, max(at.numbers[FIRM], 0.0) / at.numbers[BEND])
+
+
+def touches_rim(m: RimContact) -> bool:
+    """Whether the rim touches another one."""
+    return m.side < 0 and is_rim(m.other, m.opposite)
 
 
 def place_rim(m: RimContact) -> None:
@@ -243,7 +260,9 @@ def look(m: RimContact, at: PointOfRim) -> None:
     """Find all numbers of the point in the direction outward."""
     cross(m.axis, at.outward, at.tangent)
     add(m.center, m.rim.hull.rims[m.corner], at.outward, at.line)
-    if is_rim(m.other, m.opposite):
+    if m.side >= 0:
+        look_at_side(m, at)
+    elif is_rim(m.other, m.opposite):
         look_at_rim(m, at)
     else:
         look_at_ellipsoid(m, at)
@@ -272,6 +291,26 @@ def look_at_rim(m: RimContact, at: PointOfRim) -> None:
         divide(at.normal, size if dot(at.normal, m.center) > 0.0 else -size)
     else:
         copy(m.axis, at.normal)
+
+
+def look_at_side(m: RimContact, at: PointOfRim) -> None:
+    """Find the nearest point of the side of a cylinder or a cone, which is prolonged."""
+    radius, axis = m.rim.hull.rims[m.corner], m.other.directions[3 * m.side :]
+    level, tangent, cosine = zeros(3), zeros(3), m.other.hull.cosines[m.side]
+    sine = math.sqrt(1.0 - cosine * cosine)
+    add(at.line, -dot(axis, at.line), axis, level)
+    size = max(size_of(level), LEAST)
+    divide(level, size)
+    cross(axis, level, tangent)
+    scale(cosine, axis, at.normal)
+    add(at.normal, sine, level, at.normal)
+    apart = dot(at.normal, at.line) - sine * m.other.hull.rims[m.opposite]
+    add(at.line, -apart, at.normal, at.arm)
+    scale(apart, at.normal, at.line)
+    along = dot(at.tangent, tangent)
+    at.numbers[SLOPE] = dot(at.tangent, at.normal)
+    at.numbers[FIRM] = radius * sine * along * along / size - dot(at.outward, at.normal)
+    at.numbers[BEND] = 3.0 * radius * sine * abs(along * dot(at.outward, tangent)) / size
 
 
 def look_at_ellipsoid(m: RimContact, at: PointOfRim) -> None:
