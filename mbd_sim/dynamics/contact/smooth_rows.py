@@ -8,8 +8,8 @@ A D² Aᵀ), the gap along a unit normal n, which points from the second body to
 The normal of a face is fixed in its part. Two sides, with n·d_B = k_B and -n·d_A = k_A, determine it in closed form.
 Otherwise g(n) is the largest of those normals that a side admits, or of all. That of a rounded point and a rim, a tip
 or a side is in closed form as well; others are found by Newton steps from a hint among the numbers, which is renewed
-after each step. Of a rounded edge and a rim, the direction from the center of the rim is found so in place of the
-normal: see `simulation/contact/compiled/features/round/rounded_edges.py`. The rate is the velocity along the normal of
+after each step. Of a rim and a rounded edge, another rim, a round side or an ellipsoid, the direction from the center
+of the rim is found so in place of the normal: see `rows.normal_searches`. The rate is the velocity along the normal of
 the points that touch. A slot without features has zeros only; its gap is then the natural length.
 
 The numbers of a slot are c_A and c_B (6) from the points at which the bodies are attached, in the axes of their parts;
@@ -34,19 +34,25 @@ rim on a face, the last direction from its center to the point that touches, amo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from mbd_sim.dynamics.constraints.rows import IteratedNormal
+from mbd_sim.dynamics.contact.rows.normal_searches import (
+    TINY,
+    EllipsoidAtRim,
+    NormalSearch,
+    RevolvedAtRim,
+    RimSearch,
+    RoundedSearch,
+    unit,
+)
 from mbd_sim.dynamics.contact.shapes import Touch, protrusion
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, ContactBody, EllipsoidBody, Solid
 
 SMOOTH_SIZE = 32  # numbers of a slot, of which the last one is the key
-NEWTON_STEPS = 3
-TINY = 1e-60
 LEAST = 1e-8  # of the radius of a rim, half of a chord below which this counts as it
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
 
@@ -94,13 +100,16 @@ def smooth_touch(
         axis, edge = frames[end].rotation @ hint, (d_b, d_a)[end]
         crossing = _crossing(line if end else -line, edge, axis, numbers[12 + end], sign, crossed)
         fixed += crossed * (crossing.normal if end else -crossing.normal)
-    search: _Search | _RoundedSearch = _Search(line, grams, free * (d_a + d_b), free * (k_b - k_a), side, free)
+    normals = NormalSearch(line, grams, free * (d_a + d_b), free * (k_b - k_a), side, free)
+    search: NormalSearch | RimSearch | RoundedSearch = normals
+    if (rim := _rim(bodies)) is not None:
+        search = _rim_search(normals, bodies, frames, rim, numbers)
     if (rounded := _rounded(bodies)) is not None:
         axis, radius = _axis(bodies[1 - rounded], frames[1 - rounded]), numbers[13 - rounded]
         sides = free * (d_a, d_b)[rounded], free * (d_b, d_a)[rounded]
-        search = _RoundedSearch(line, *sides, free * (k_b - k_a), axis, radius, free)
+        search = RoundedSearch(line, *sides, free * (k_b - k_a), axis, radius, free)
     iterated, normal, toward = search.found(fixed, second.rotation @ hint)
-    arms = [_arm(gram, toward) for gram in grams]
+    arms = [_arm(gram, direction) for gram, direction in zip(grams, toward, strict=True)]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free + crossed
     lifts = [
@@ -121,78 +130,6 @@ def smooth_touch(
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
-    """The search of the normal of two corners, with their `grams` and the `line` between them, which a side can bound.
-
-    It is `used` if it is 1, and 0 if the normal is fixed.
-    """
-
-    line: ca.SX
-    grams: list[ca.SX]
-    bound: ca.SX
-    cosine: ca.SX
-    side: ca.SX
-    used: ca.SX
-
-    def found(self, fixed: ca.SX, hint: ca.SX) -> tuple[IteratedNormal, ca.SX, ca.SX]:
-        """What is iterated, the normal, and the direction in which the corners touch, as expressions of its symbols."""
-
-        def following(given: ca.SX) -> ca.SX:
-            """The normal after one step from a given one."""
-            step = _newton_step(given, self.bound, self.cosine, self.line, self.grams, self.side, self.used)
-            return fixed + self.used * step
-
-        symbols, value = ca.SX.sym("normal", 3), fixed + self.used * hint
-        for _ in range(NEWTON_STEPS):
-            value = following(value)
-        return IteratedNormal(symbols, value, following(symbols)), symbols, symbols
-
-
-@dataclass(frozen=True, eq=False)
-class _RoundedSearch:
-    """The search where one of the bodies is a rounded point or edge, and the other one has rims with this `axis`.
-
-    Only the place of an edge at a rim is iterated: as the direction w from the center of the rim, which is smooth where
-    the normal passes through the axis, and g(n) has a kink. With v, the line from the rim to the edge and across it, it
-    is where (axis × w)·v = 0. All others are in closed form.
-    """
-
-    line: ca.SX
-    edge: ca.SX
-    side: ca.SX
-    cosine: ca.SX
-    axis: ca.SX
-    radius: ca.SX
-    used: ca.SX
-
-    def found(self, fixed: ca.SX, hint: ca.SX) -> tuple[IteratedNormal, ca.SX, ca.SX]:
-        """See `_Search`."""
-        on_edge = self.used * (ca.dot(self.edge, self.edge) > 0.5)
-        on_side = self.used * (ca.dot(self.side, self.side) > 0.5)
-        at_rim = on_edge * (self.radius > 0.0)
-        symbols, value = ca.SX.sym("direction", 3), at_rim * hint
-        for _ in range(NEWTON_STEPS):
-            value = self._following(value, at_rim)
-        iterated = IteratedNormal(symbols, value, self._following(symbols, at_rim))
-        outward = _unit(self.line - self.axis * ca.dot(self.axis, self.line))
-        toward = at_rim * symbols + (self.used - at_rim) * outward
-        normal = fixed + (self.used - on_side) * _unit(self._across(self.line - self.radius * toward))
-        normal += on_side * (self.cosine * self.side + ca.sqrt(1.0 - self.cosine * self.cosine) * outward)
-        return iterated, normal, toward + (1.0 - self.used) * fixed
-
-    def _following(self, given: ca.SX, at_rim: ca.SX) -> ca.SX:
-        """The direction after one of Newton's steps."""
-        toward = _unit(given - self.axis * ca.dot(self.axis, given))
-        tangent, apart = ca.cross(self.axis, toward), self._across(self.line - self.radius * toward)
-        along = ca.dot(self.edge, tangent)
-        firm = ca.dot(toward, apart) + self.radius * (1.0 - along * along)
-        return _unit(toward + at_rim * ca.dot(tangent, apart) / (at_rim * firm + 1.0 - at_rim) * tangent)
-
-    def _across(self, vector: ca.SX) -> ca.SX:
-        return vector - self.edge * ca.dot(self.edge, vector)
-
-
-@dataclass(frozen=True, eq=False)
 class _Crossing:
     """Where an edge crosses a rim: `along` the edge, on the `arm` (3,) of the rim; the `normal` (3,) leaves the end."""
 
@@ -205,6 +142,47 @@ def _axis(body: ContactBody, frame: SymbolicPose) -> ca.SX:
     """The axis of a round body."""
     assert isinstance(body, Barrel | ConeBody)
     return ca.sparsify(frame.rotation @ constant(body.axis))
+
+
+def _rim(bodies: tuple[ContactBody, ContactBody]) -> int | None:
+    """Which of two bodies, of which neither is a solid, has rims; the first one if both have."""
+    if any(isinstance(body, Solid) for body in bodies):
+        return None
+    return next((k for k in (0, 1) if isinstance(bodies[k], Barrel | ConeBody)), None)
+
+
+def _rim_search(
+    search: NormalSearch,
+    bodies: tuple[ContactBody, ContactBody],
+    frames: tuple[SymbolicPose, SymbolicPose],
+    rim: int,
+    numbers: ca.SX,
+) -> RimSearch:
+    """The search of a body with rims and of another one, from that of their normals.
+
+    :param rim: that body; of two, the first one, or that which has no side among the `numbers`.
+    """
+    is_second, body, axis = ca.SX(rim), bodies[1 - rim], _axis(bodies[rim], frames[rim])
+    is_bound = search.used * (ca.dot(search.bound, search.bound) > 0.5)
+    other: RevolvedAtRim | EllipsoidAtRim
+    if isinstance(body, EllipsoidBody):
+        used = (search.used - is_bound) * (numbers[12 + rim] > 0.0)
+        radius = numbers[12 + rim]
+        other = EllipsoidAtRim(ca.sparsify(frames[1 - rim].rotation @ constant(body.axes)), body.radii, used)
+    else:
+        is_second = is_bound * (ca.dot(numbers[6:9], numbers[6:9]) > 0.5)
+        radius, width = (
+            one + is_second * (other_one - one)
+            for one, other_one in ((numbers[12], numbers[13]), (numbers[13], numbers[12]))
+        )
+        second = _axis(bodies[1], frames[1])
+        used = search.used * (radius > 0.0) * (width > 0.0)
+        other = RevolvedAtRim(
+            second + is_second * (axis - second), width, is_bound * (numbers[14] + numbers[15]), is_bound
+        )
+        axis += is_second * (second - axis)
+    sign = 1.0 - 2.0 * is_second
+    return RimSearch(sign * search.line, axis, radius, sign, other, used, replace(search, used=search.used - used))
 
 
 def _rounded(bodies: tuple[ContactBody, ContactBody]) -> int | None:
@@ -266,39 +244,9 @@ def _across_both(d_a: ca.SX, d_b: ca.SX, k_a: ca.SX, k_b: ca.SX, sign: ca.SX, un
     return alpha * d_b + beta * d_a + sign * ca.sqrt((rest + unused) / square) * across
 
 
-def _newton_step(
-    given: ca.SX, direction: ca.SX, cosine: ca.SX, line: ca.SX, grams: list[ca.SX], side: ca.SX, used: ca.SX
-) -> ca.SX:
-    """A step of n = k d + √(1 - k²) m toward the normal at which the gap is largest; d is zero where none is given."""
-    bound, scale = ca.dot(direction, direction), ca.sqrt(1.0 - cosine * cosine)
-    m = _unit(given - direction * ca.dot(direction, given))
-    one = _unit(bound * ca.cross(direction, m) + (1.0 - bound) * ca.cross(side, m))
-    other = (1.0 - bound) * ca.cross(m, one)
-    normal = cosine * direction + scale * m
-    slope, bend = line, ca.SX(3, 3)
-    for gram in grams:
-        found = gram @ normal
-        size = ca.sqrt(ca.dot(normal, found) + TINY)
-        arm = found / size
-        slope, bend = slope - arm, bend - (gram - arm @ arm.T) / size
-    tangents = ca.horzcat(one, other)
-    gradient = used * scale * (tangents.T @ slope)
-    hessian = scale * scale * (tangents.T @ bend @ tangents) - scale * ca.dot(m, slope) * ca.SX.eye(2)
-    hessian = used * hessian - (1.0 - used) * ca.SX.eye(2)
-    hessian[1, 1] -= bound  # a side admits one direction only
-    determinant = hessian[0, 0] * hessian[1, 1] - hessian[0, 1] * hessian[1, 0]
-    first = (hessian[0, 1] * gradient[1] - hessian[1, 1] * gradient[0]) / determinant
-    second = (hessian[1, 0] * gradient[0] - hessian[0, 0] * gradient[1]) / determinant
-    return cosine * direction + scale * _unit(m + first * one + second * other)
-
-
 def _along(apart: ca.SX, d_a: ca.SX, d_b: ca.SX, normal: ca.SX, unused: ca.SX) -> ca.SX:
     """From a point of the first side to where the lines of both sides cross, seen along the normal."""
-    one, other = (_unit(d - normal * ca.dot(d, normal)) for d in (d_a, d_b))
+    one, other = (unit(d - normal * ca.dot(d, normal)) for d in (d_a, d_b))
     cosine = ca.dot(one, other)
     along = (cosine * ca.dot(other, apart) - ca.dot(one, apart)) / (1.0 - cosine * cosine + unused)
     return along * one
-
-
-def _unit(vector: ca.SX) -> ca.SX:
-    return vector / ca.sqrt(ca.dot(vector, vector) + TINY)

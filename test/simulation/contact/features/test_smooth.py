@@ -94,7 +94,7 @@ def test_a_row_has_the_gap_of_the_narrow_phase_and_the_rate_of_it(kinds):
         SymbolicPose(ca.DM(other[2].position), ca.DM(other[2].rotation)),
     )
     touch = smooth_touch((first, second), ca.SX(ca.DM(features.numbers)), frames, 1.0)
-    normal = touch.iterated.value
+    normal = touch.iterated.inserted(touch.normal)
     values = ca.Function(
         "row", [symbols], [touch.iterated.inserted(touch.distance), normal, touch.iterated.inserted(touch.point)]
     )

@@ -83,6 +83,11 @@ def put_round(placed: PlacedRound, pose: Array, origin: Array) -> None:
         turn(placed.pose, hull.normals[3 * i :], placed.normals[3 * i :])
 
 
+def is_rim(body: PlacedRound, corner: int) -> bool:
+    """Whether a corner is a rim."""
+    return body.hull.faces > 0 and body.hull.curved[corner] != 0
+
+
 def folded(body: PlacedRound, corner: int, own: Array, out: Array) -> float:
     """R n of a corner and its size √(n·K n), which n·n - (n·a)² would lose near the axis a of a rim.
 

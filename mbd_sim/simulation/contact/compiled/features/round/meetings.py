@@ -46,6 +46,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     RoundBodies,
     is_point_at_rim,
 )
+from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact, meet_rim
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim, meet_at_rim
 from mbd_sim.simulation.contact.compiled.features.vectors import add, copy, divide, dot, size_of, subtract
 
@@ -53,8 +54,8 @@ from mbd_sim.simulation.contact.compiled.features.vectors import add, copy, divi
 def meet(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, at: Array, out: Array) -> None:
     """Two features with a normal: points of sides and of faces are those of the other feature's corner.
 
-    :param at: of `POINT_FACE` and `FACE_POINT`, the point that is fixed in one of the bodies; of a rounded edge at a
-        rim, the direction near which they touch.
+    :param at: of `POINT_FACE` and `FACE_POINT`, the point that is fixed in one of the bodies; of a rim and a
+        rounded edge, another rim, a round side or an ellipsoid, the direction near which they touch.
     """
     kind, i, j = key[KIND], key[FIRST], key[SECOND]
     copy(normal, out[NORMAL:])
@@ -62,6 +63,9 @@ def meet(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: 
     out[FREE] = HINT
     if is_at_rim(p, a, b, key):
         meet_at_rim(p, a, b, key, at, out)
+        add_own_margins(a, b, kind, i, j, out)
+    elif is_rim_contact(a, b, key):
+        meet_rim(a, b, key, at, out)
         add_own_margins(a, b, kind, i, j, out)
     elif kind in (EDGE_RIM, RIM_EDGE):
         meet_crossing(a, b, key, out)

@@ -186,8 +186,8 @@ def value_at(m: Iteration, normal: Array) -> float:
 def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array, has_start: bool, out: Array) -> None:
     """The normal at which the gap of two features is largest, from a `start`, or from the best of some directions.
 
-    Near the axis of a rim, steps from elsewhere lead past the normal; so what is toward the other corner is tried too,
-    and what is across both of two rims where they cross. That of a point and a rim needs no steps.
+    Near the axis of a rim, steps from elsewhere lead past the normal; so what is toward the other corner is tried too.
+    That of a point and a rim needs no steps.
     """
     corner_a = a.hull.ends[2 * key[FIRST]] if key[KIND] == SIDE_CORNER else key[FIRST]
     corner_b = b.hull.ends[2 * key[SECOND]] if key[KIND] == CORNER_SIDE else key[SECOND]
@@ -210,10 +210,6 @@ def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array,
         divide(out, size)
         admit(m, out, toward)
         climb_from(m, toward, across, best)
-    if key[KIND] == CORNER_CORNER and are_rims(m):
-        for number in range(2):
-            if across_rims(m, number, toward):
-                climb_from(m, toward, across, best)
     leave_axis(m, a, corner_a, b, corner_b, across, best)
     leave_axis(m, b, corner_b, a, corner_a, across, best)
     normal_from(m, across, out)
@@ -251,42 +247,6 @@ def climb_from(m: Iteration, start: Array, across: Array, best: Array) -> None:
     if value_at(m, normal) > best[0] + MORE * size_of(m.line):
         copy(start, across)
         climb(m, across, best)
-
-
-def are_rims(m: Iteration) -> bool:
-    """Whether both corners are rims."""
-    has_faces = m.a.hull.faces > 0 and m.b.hull.faces > 0
-    return has_faces and m.a.hull.curved[m.corner_a] != 0 and m.b.hull.curved[m.corner_b] != 0
-
-
-def across_rims(m: Iteration, number: int, out: Array) -> bool:
-    """The normal of both tangents at one of the points where two rims cross, seen along the mean of their axes.
-
-    With the tilt of the rims against each other, this differs by the square of it from the normal that is sought.
-    """
-    mean, level, side = zeros(3), zeros(3), zeros(3)
-    wide, narrow = m.b.hull.rims[m.corner_b], m.a.hull.rims[m.corner_a]
-    add(m.a.normals, 1.0 if dot(m.a.normals, m.b.normals) > 0.0 else -1.0, m.b.normals, mean)
-    divide(mean, size_of(mean))
-    add(m.line, -dot(mean, m.line), mean, level)
-    apart = size_of(level)
-    if not abs(wide - narrow) < apart < wide + narrow:
-        return False
-    cross(mean, level, side)
-    along = 0.5 * (apart * apart + wide * wide - narrow * narrow) / (apart * apart)
-    aside = math.sqrt(max(0.0, wide * wide / (apart * apart) - along * along))
-    arm, other, one, two = zeros(3), zeros(3), zeros(3), zeros(3)
-    for k in range(3):
-        other[k] = along * level[k] + (aside if number == 1 else -aside) * side[k]
-        arm[k] = other[k] - level[k]
-    cross(m.a.normals, arm, one)
-    cross(m.b.normals, other, two)
-    cross(one, two, out)
-    size = size_of(out)
-    if not size > PARALLEL * wide * narrow:
-        return False
-    divide(out, size if dot(out, m.line) > 0.0 else -size)
-    return True
 
 
 def is_point_at_rim(a: PlacedRound, corner_a: int, b: PlacedRound, corner_b: int) -> bool:

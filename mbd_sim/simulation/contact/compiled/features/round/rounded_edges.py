@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, PlacedRound
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, PlacedRound, is_rim
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     CROSSING,
     FREE,
@@ -95,11 +95,6 @@ def is_at_rim(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> 
     if key[KIND] in (CORNER_SIDE, RIM_EDGE):
         return not b.hull.ruled[key[SECOND]] and is_rim(a, key[FIRST])
     return False
-
-
-def is_rim(body: PlacedRound, corner: int) -> bool:
-    """Whether a corner is a rim."""
-    return body.hull.faces > 0 and body.hull.curved[corner] != 0
 
 
 def nearest_at_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array, normal: Array) -> None:

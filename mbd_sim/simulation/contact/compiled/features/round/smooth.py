@@ -66,6 +66,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     start_direction,
     support,
 )
+from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact, meet_rim, nearest_of_rim
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
     end_of_chord,
     is_at_rim,
@@ -204,6 +205,8 @@ def iterate(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, norma
     """The normal of a pair of features that is iterated, and the direction from which a row does that."""
     if is_at_rim(p, a, b, key):
         nearest_at_rim(a, b, key, toward, normal)
+    elif is_rim_contact(a, b, key):
+        nearest_of_rim(a, b, key, toward, normal)
     else:
         iterated_normal(a, b, key, normal, False, normal)
         better_crossing(p, a, b, key, normal)
@@ -370,7 +373,7 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     put_round(a, one, other)
     put_round(b, other, other)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
-    if is_at_rim(p, a, b, key):
+    if is_at_rim(p, a, b, key) or is_rim_contact(a, b, key):
         turn(b.pose, numbers[22:], at)
     elif not is_crossing(key[KIND]):
         stored_normal(a, b, key, numbers, normal)
@@ -416,6 +419,10 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
         if is_at_rim(p, a, b, key):
             turn(b.pose, numbers[22:], normal)
             meet_at_rim(p, a, b, key, normal, meeting)
+            copy(meeting[TOWARD:], normal)
+        elif is_rim_contact(a, b, key):
+            turn(b.pose, numbers[22:], normal)
+            meet_rim(a, b, key, normal, meeting)
             copy(meeting[TOWARD:], normal)
         else:
             stored_normal(a, b, key, numbers, normal)

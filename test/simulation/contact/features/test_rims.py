@@ -1,0 +1,121 @@
+"""Rims at other rims, round sides and ellipsoids, at places where they touch by construction, with normals up to the axes."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mbd_sim.base.geometry.pose import Pose
+from mbd_sim.dynamics.contact.smooth_rows import smooth_touch
+from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody
+from mbd_sim.mechanism.elements.parts import Attachment
+from mbd_sim.simulation.contact.features.smooth import SmoothPair
+
+HERE, RIM, UP = Attachment("part", np.zeros(3)), 0.25, np.array([0.0, 0.0, 1.0])
+RADII = np.array([0.3, 0.2, 0.15])
+BODIES = {  # and how far the rim is below the center of the body
+    "cylinder": (Barrel(HERE, UP, RIM, 0.4), 0.2),
+    "disc": (Barrel(HERE, UP, RIM, 0.0), 0.0),
+    "cone": (ConeBody(HERE, UP, RIM, 0.4), 0.2),
+    "ellipsoid": (EllipsoidBody(HERE, np.eye(3), tuple(RADII)), 0.0),
+    "side": (Barrel(HERE, UP, RIM, 0.4), 0.0),
+    "slope": (ConeBody(HERE, UP, RIM, 0.4), RIM / np.hypot(RIM, 0.4)),  # and the cosine of its normal with the axis
+}
+RIMS = ("cylinder", "disc", "cone")
+PAIRS = [(one, two) for one in BODIES for two in BODIES if one in RIMS or two in RIMS]
+KINDS = pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+
+
+def frame(tangent, normal, tilt, turned):
+    """The rotation of a body whose rim has a tangent, and is lowest along a normal at a tilt against its axis."""
+    across = np.cross(tangent, normal)
+    axis = np.cos(tilt) * normal + np.sin(tilt) * across  # of the lower end, upwards
+    outward = np.cross(axis, tangent)
+    outward *= -np.sign(outward @ normal) if outward @ normal else 1.0
+    first = turned * outward + np.sqrt(1.0 - turned**2) * np.cross(axis, outward)
+    return np.column_stack([first, np.cross(axis, first), axis]), outward
+
+
+def touching(kinds, numbers, spin, apart=0.0):
+    """The poses of two bodies that touch, the normal, and the point of the first one.
+
+    :param numbers: the tilts of the normal against the axes, the angle of the tangents, and turns about the axes.
+    """
+    (tilt, other_tilt), psi, turns = numbers
+    normal = spin.apply(UP)
+    poses = []
+    for kind, sign, angle, lean, turned in zip(kinds, (1, -1), (0.0, psi), (tilt, other_tilt), turns, strict=True):
+        own, depth = sign * normal, BODIES[kind][1]
+        tangent = spin.apply([np.cos(angle), np.sin(angle), 0.0])
+        rotation, outward = frame(tangent, own, lean, turned)
+        arm = RIM * outward - depth * rotation[:, 2]
+        if kind == "ellipsoid":  # the lowest point along its own normal
+            own = rotation.T @ own
+            arm = -rotation @ (RADII**2 * own / np.sqrt(np.sum((RADII * own) ** 2)))
+        if kind in ("side", "slope"):  # in the middle of it
+            sine = np.sqrt(1.0 - depth**2)
+            axis = sine * tangent - depth * own
+            radial = -(own + depth * axis) / sine
+            first = turned * radial + np.sqrt(1.0 - turned**2) * np.cross(axis, radial)
+            rotation = np.column_stack([first, np.cross(axis, first), axis])
+            arm = (0.5 if kind == "slope" else 1.0) * RIM * radial
+        poses.append(Pose((sign > 0) * apart * normal - arm, rotation))
+    return poses, normal, apart * normal
+
+
+def numbers_of(chance, least):
+    """As `touching` is given; one of the bodies does not lie flat on the end of the other one."""
+    tilts = chance.choice([-1, 1], 2) * 10.0 ** chance.uniform(least, -0.1, 2)
+    tilts[chance.integers(2)] = chance.uniform(0.1, 1.3)
+    return tilts, chance.uniform(0.8, 2.3), chance.uniform(-1.0, 1.0, 2)
+
+
+def row_of(bodies, features, other):
+    """The gap, the normal and the point of a row, as a function of the pose of the first body."""
+    symbols = ca.SX.sym("pose", 12)
+    frames = (
+        SymbolicPose(symbols[:3], ca.reshape(symbols[3:], 3, 3)),
+        SymbolicPose(ca.DM(other.position), ca.DM(other.rotation)),
+    )
+    touch = smooth_touch(bodies, ca.SX(ca.DM(features.numbers)), frames, 1.0)
+    values = [touch.iterated.inserted(each) for each in (touch.distance, touch.normal, touch.point)]
+    row = ca.Function("row", [symbols], values)
+    return lambda pose: [
+        np.array(each).ravel() for each in row(np.concatenate([pose.position, pose.rotation.T.ravel()]))
+    ]
+
+
+@KINDS
+def test_a_rim_touches_where_it_does_and_not_where_it_is_apart(kinds):
+    """Also where the normal is all but the axis of a rim, near which steps from other normals did not find it."""
+    chance, pair = np.random.default_rng(3), SmoothPair(*(BODIES[kind][0] for kind in kinds), 8)
+    for _ in range(60):
+        numbers, spin = numbers_of(chance, -7.0), Rotation.random(rng=chance)
+        apart = 10.0 ** chance.uniform(-9.0, -3.0)
+        poses, _, _ = touching(kinds, numbers, spin)
+        assert abs(pair.distance(*poses)) <= 1e-13
+        assert 0.0 < pair.distance(*touching(kinds, numbers, spin, apart)[0]) <= apart + 1e-13
+
+
+@KINDS
+def test_a_row_follows_a_rim_past_the_axis(kinds):
+    """As the normal turns, with the numbers of before: the steps of a row led past it near the axis."""
+    chance, bodies = np.random.default_rng(4), tuple(BODIES[kind][0] for kind in kinds)
+    pair = SmoothPair(*bodies, 8)
+    for _ in range(8):
+        tilts, psi, turns = numbers_of(chance, -5.0)
+        spin = Rotation.random(rng=chance)
+        poses, _, _ = touching(kinds, (tilts, psi, turns), spin)
+        found = pair.touching(*poses, 1e-13)
+        assert len(found) == 1
+        for tilt, turn in ((tilts, psi), (tilts - np.clip(0.3 * tilts, -0.01, 0.01), psi + 0.005)):
+            after, normal, point = touching(kinds, (tilt, turn, turns), spin)
+            gap, own, at = row_of(bodies, found[0], after[1])(after[0])
+            assert gap == pytest.approx(0.0, abs=1e-14)
+            assert own == pytest.approx(normal, abs=1e-11)
+            assert at == pytest.approx(point, abs=1e-11)
+            assert pair.margin(*after, found[0].numbers) > 0.0
+        assert pair.margin(*after, pair.renewed(*after, found[0].numbers)) > 0.0
