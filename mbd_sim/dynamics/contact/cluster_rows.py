@@ -13,7 +13,8 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.dynamics.constraints.rows import perpendiculars
-from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE, TINY
+from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE
+from mbd_sim.dynamics.contact.rows.normal_searches import TINY
 from mbd_sim.dynamics.contact.shapes import EXACT_TILT, Touch, protrusion, withdrawn
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant

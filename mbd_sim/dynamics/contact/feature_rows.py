@@ -21,13 +21,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.contact.rows.normal_searches import TINY
 from mbd_sim.dynamics.contact.shapes import Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 
 SLOT_SIZE = 22  # numbers of a slot
 KEY = 21  # the place of the key
-TINY = 1e-60  # square in m² below which a direction counts as zero: in slots without features
 
 
 def slot_touch(

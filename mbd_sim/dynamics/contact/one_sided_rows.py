@@ -221,7 +221,9 @@ def one_sided_rows(
 
 def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None, across: Array | None) -> Gap:
     touching = touch(contact, *_frames(contact, bodies), still)
-    return _gap_of(contact, touching if still is not None else with_slip_in_plane(touching, across), bodies)
+    if still is None or ca.sparsify(touching.normal[still]).nnz() > 0:
+        touching = with_slip_in_plane(touching, across)
+    return _gap_of(contact, touching, bodies)
 
 
 def _slots(contact: Contact, bodies: BodySymbols, length: float, across: Array | None) -> Iterator[Gap]:

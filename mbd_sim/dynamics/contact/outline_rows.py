@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from mbd_sim.dynamics.contact.feature_rows import TINY
+from mbd_sim.dynamics.contact.rows.normal_searches import TINY
 from mbd_sim.dynamics.contact.shapes import Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant

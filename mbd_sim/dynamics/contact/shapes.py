@@ -26,6 +26,7 @@ from mbd_sim.base.linear_algebra import product
 from mbd_sim.base.rounded import sine_cosine
 from mbd_sim.dynamics.constraints.rows import IteratedNormal, perpendiculars
 from mbd_sim.dynamics.contact.cams import follower_angle, profile_point, roller_angle, roller_distance
+from mbd_sim.dynamics.contact.rows.normal_searches import unit
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
 from mbd_sim.mechanism.elements.contacts import (
@@ -101,7 +102,6 @@ def withdrawn(radius: Any, square: Any) -> Any:
 
 FLAT = 1e-30  # square of the sine of the angle below which a rim counts as lying flat
 ALONG = 1e-9  # of a tube's radius, by which a ball in the plane of a ring may be beside it by round-off
-TINY = 1e-60  # square below which a direction counts as zero: where a normal is across the plane of a mechanism
 STEEP = 0.8  # component of a normal along y, from which on z is the reference for directions of slip
 
 
@@ -339,8 +339,7 @@ def with_slip_in_plane(touching: Touch, across: Array | None) -> Touch:
     """
     if across is None:
         return touching
-    first = ca.cross(constant(across), touching.normal)
-    return replace(touching, sides=(first / ca.sqrt(ca.dot(first, first) + TINY), constant(across)))
+    return replace(touching, sides=(unit(ca.cross(constant(across), touching.normal)), constant(across)))
 
 
 def _ball_on_cam(ball: Ball | Barrel, cam: Cam, first: SymbolicPose, second: SymbolicPose) -> Touch:

@@ -66,6 +66,7 @@ def plane_normal(traced: TracedMechanism, still: int | None) -> Array | None:
     longest = max((_axis_of_turn(before, after) for before, after in moved), key=norm)
     if norm(longest) < TURNED:
         return None
+    longest *= np.sign(longest[np.abs(longest).argmax()])
     normal: Array = np.round(longest / norm(longest), DIGITS)
     return normal if all(_moves_across(normal, before, after) for before, after in moved) else None
 

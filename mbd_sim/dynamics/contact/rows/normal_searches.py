@@ -15,7 +15,7 @@ from mbd_sim.dynamics.constraints.rows import IteratedNormal
 
 NEWTON_STEPS = 3
 FEET = 2  # steps to the nearest point of an ellipsoid, which is all but there
-TINY = 1e-60
+TINY = 1e-60  # square below which a direction counts as zero: in slots without features
 Found = tuple[IteratedNormal, ca.SX, tuple[ca.SX, ca.SX]]
 
 
