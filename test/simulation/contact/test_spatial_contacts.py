@@ -54,6 +54,30 @@ def test_a_ball_rolls_in_any_direction_as_in_the_plane():
     assert _residual(simulation) < 1e-11
 
 
+@pytest.mark.parametrize("axis", ([0, 1, 0], [0.3, 1, -0.2]))
+def test_a_ball_that_a_joint_holds_in_a_plane_rolls_on_a_face_that_is_tilted_against_it(axis):
+    """Friction across the plane bears no load: with the in-plane size k of the normal, 2/5 becomes 2/(5 k²)."""
+    across, normal, r, m = np.array(axis) / np.linalg.norm(axis), np.array([0.2, 0.5, 1.0]), 0.1, 2.0
+    normal /= np.linalg.norm(normal)
+    level = normal - across * (across @ normal)
+    k = np.linalg.norm(level)
+    along, gravity = np.cross(across, normal) / k, np.array([0.0, 0.0, -9.81])
+    place = [0.0, float(np.cross(across, along) @ level * r / k**2), 0.0]
+    simulation = Simulation.from_text(f"""
+mechanism: held_ball
+parts: {{ball: {{shape: {{type: sphere, mass: {m}, radius: {r}}}}}}}
+joints: {{f: {{type: planar, between: [ground, ball], axis: {axis}, x_axis: {along.tolist()}, position: {place}}}}}
+contacts: {{floor: {{parts: [ball], plane: ground, normal: {normal.tolist()}, restitution: 0, friction: 0.9}}}}
+""")
+    simulation.step(100)
+    (contact,) = simulation.contacts().values()
+    acceleration = gravity @ along / (1.0 + 0.4 / k**2)
+    assert contact.state == "sticks"
+    assert simulation.u[0] == pytest.approx(acceleration * simulation.time, rel=1e-12)
+    assert contact.normal == pytest.approx(-m * (gravity @ level) / k**2, rel=1e-12)
+    assert np.abs(contact.friction).tolist() == pytest.approx([m * abs(gravity @ along - acceleration)], rel=1e-11)
+
+
 def test_a_puck_that_slides_and_spins_stops_at_once_and_for_ever():
     """On four indeterminate contacts; sliding and spinning end together, without residual."""
     simulation = Simulation.from_text(PUCK)
