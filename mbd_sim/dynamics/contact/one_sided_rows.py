@@ -220,8 +220,8 @@ def one_sided_rows(
 
 
 def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None, across: Array | None) -> Gap:
-    touching = touch(contact, *_frames(contact, bodies), still)
-    if still is None or ca.sparsify(touching.normal[still]).nnz() > 0:
+    touching, face = touch(contact, *_frames(contact, bodies), still), contact.second
+    if still is None or (isinstance(face, Face) and face.normal[still] != 0.0):
         touching = with_slip_in_plane(touching, across)
     return _gap_of(contact, touching, bodies)
 
