@@ -45,8 +45,8 @@ def test_transforms_joints_energies_events_and_measurements_arrive_with_their_va
                 len(client.messages["/energies"]) >= 5 and client.messages["/events"] and measured in client.topics()
             )
         )
-        viewer.measure(sim.time, "gauge", sim.sensor_model.reading(number, sample))  # the topic is subscribed to now
-        client.receive(lambda: client.messages[measured])
+        last = sim.sensor_model.reading(number, sample)  # again, until the topic is subscribed to
+        client.receive(lambda: client.messages[measured], lambda: viewer.measure(sim.time, "gauge", last))
     assert client.info["name"] == "tied" and "time" in client.info["capabilities"]
     assert client.topics() == {
         "/tf": "foxglove.FrameTransforms",
