@@ -212,6 +212,9 @@ def problem_of(source: Source, details: ErrorDetails, required: bool = False) ->
             unlike = required and not difflib.get_close_matches(leaf[:100], known, n=1, cutoff=CUTOFF)
             remedy = remedy or nearest("" if unlike else leaf, known)
             return source.problem(location, f"unknown key {quoted(leaf)}", remedy)
+        case "too_long" if isinstance(value, list) and context["max_length"] > list_length(loc):
+            message = f"has {counted(len(value), 'value')}, more than {context['max_length']}"
+            return source.problem(location, message, "Leave out some.")
         case "missing" | "too_long" if isinstance(value, list):
             where = loc[:-1] if kind == "missing" else loc
             message = f"has {counted(len(value), 'value')}, not {list_length(where)}"

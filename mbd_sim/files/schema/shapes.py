@@ -180,6 +180,8 @@ class HullSpec(PlacedShapeSpec):
 
         :raises InputError: the points lie in a plane, or the hull has too many corners.
         """
+        if self.points is None:  # the problem is reported where the type is not 'hull', so that the file is not read
+            return np.full((1, 3), np.nan), ()
         points = array(self.points) * array(self.scale)
         first = points.values[0] if isinstance(points, Batch) else points
         if not np.all(np.isfinite(first)):

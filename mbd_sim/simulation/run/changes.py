@@ -204,7 +204,7 @@ class Penetration:
 
 
 def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Penetration]:
-    """The gaps of a state that are negative by more than round-off."""
+    """The gaps of a state that are negative by more than round-off, of two bodies the deepest."""
     if model.one_sided is None:
         return []
     functions = model.equations.one_sided
@@ -213,9 +213,14 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
     one_sided, found = functions.equations, []
     limit = DEPTH * max(1.0, model.equations.constraints.size / one_sided.units.length)
     gaps = zip(one_sided.gaps, readings.gaps.tolist(), one_sided.gap_units, strict=True)
-    for gap, distance, unit in gaps:
+    reported = set[tuple[Location, tuple[str, str]]]()
+    for gap, distance, unit in sorted(gaps, key=lambda each: each[1]):
         if gap.clutch or gap.numbers is not None or not distance < -limit * unit:
             continue
+        if gap.bodies is not None:
+            if (gap.row.owner, gap.bodies) in reported:
+                continue
+            reported.add((gap.row.owner, gap.bodies))
         row, depth = gap.row, f"{-distance:.4g} {gap.row.unit}".strip()
         match row.owner[0]:
             case "contacts":

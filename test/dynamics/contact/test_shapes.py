@@ -376,6 +376,18 @@ def test_a_start_inside_an_obstacle_is_refused_with_both_names_and_the_depth():
     assert str(caught.value).startswith("<text>:8: contacts.floor: at the start 'ball' is 0.03 m inside 'ground'.")
 
 
+def test_of_the_corners_inside_an_obstacle_the_deepest_is_named_once():
+    block = FLOOR.replace(
+        "sphere, mass: 1, radius: 0.1", "block, mass: 1, size: [2, 1, 1], rotate: {axis: [0, 1, 0], angle: 0.1}"
+    )
+    with pytest.raises(MechanismError) as caught:
+        Simulation.from_text(block.replace("START", "0.5"))
+    depth = np.sin(0.1) + 0.5 * np.cos(0.1) - 0.5
+    assert [problem.message for problem in caught.value.problems] == [
+        f"at the start 'ball' is {depth:.4g} m inside 'ground'"
+    ]
+
+
 @pytest.mark.parametrize("name", ["elbow_stop", "rope", "backlash"])
 def test_a_start_beyond_any_other_one_sided_element_is_refused_too(name):
     change = {"elbow_stop": {"th2": 1.5}, "rope": {"joints.z.position": -1.2}}

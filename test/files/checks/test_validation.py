@@ -37,6 +37,8 @@ MISTAKES = {
     "a point with an index": ((POINTS, "{'tip{i}': [0, 0, 0]}"), 9, "parts.rod.points.'tip{i}'", "not a valid name", "needs for"),
     "an unknown shape": ((SHAPE, "{type: blob}"), 8, "parts.rod.shape.type", "unknown type 'blob'", SHAPES[:5]),
     "a shape by another name": ((SHAPE, "{type: disk, radius: 1}"), 8, "parts.rod.shape.type", "unknown type 'disk'", "'disc'?"),
+    "a mesh for a hull": ((SHAPE, "{type: mesh, file: some.stl}"), 8, "parts.rod.shape.type", "unknown type 'mesh'", "'hull'?"),
+    "too many corners": ((SHAPE, f"{{type: hull, points: {[[0, 0, 0]] * 1001}}}"), 8, "parts.rod.shape.points", "has 1001 values, more than 1000", "Leave out some."),
     "a shape without type": ((SHAPE, "{to: [0, 0, 1]}"), 8, "parts.rod.shape", "'type' is missing", f"Valid: {SHAPES}."),
     "a shape that is a word": ((SHAPE, "rod"), 8, "parts.rod.shape", "must be a mapping", "Its keys: mass, hole, color"),
     "a shape without size": ((SHAPE, "{type: rod}"), 8, "parts.rod.shape", "'to' is missing", "Add it."),
