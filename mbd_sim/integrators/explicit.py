@@ -169,6 +169,10 @@ class Adams(Method):
         """The numbers of `mbd_sim.compiler.steps.adams_history`: six, then the state, inputs, round-off and slopes."""
         return 6 + inputs_size + (2 + PARTS * self.length) * size
 
+    def inputs_in_history(self, size: int) -> int:
+        """Behind the six numbers and the state."""
+        return 6 + size
+
 
 PARTS = 4  # of a step at most
 LOWER = (3, 4, 5, 6, 7, 8)  # orders of differences with less round-off

@@ -80,3 +80,7 @@ class Method:
     def history_size(self, size: int, inputs_size: int) -> int:
         """The numbers that are kept from step to step, for a state and inputs of these sizes."""
         return 0
+
+    def inputs_in_history(self, size: int) -> int | None:
+        """Where in the history, for a state of this size, the inputs are to which it belongs; None without these."""
+        return None

@@ -64,12 +64,12 @@ class CompiledContacts:
         tolerance: float,
         driven: bool,
         held: Sequence[int],
-        sizes: tuple[int, int],
+        sizes: tuple[int, int, int],
         time_stepping: bool,
     ) -> None:
         """:param held: the components of y that change between steps only.
 
-        :param sizes: the number of inputs, and that of the history behind them in memory.
+        :param sizes: `inputs`, `history` and `kept_inputs` of `Contacts`.
         :param time_stepping: contacts act once in each step, and the kernel is made for that.
         """
         self._model, self._kernel, layout = model, kernel, model.layout
@@ -95,6 +95,7 @@ class CompiledContacts:
             **self._bodies(),
             inputs=sizes[0],
             history=sizes[1],
+            kept_inputs=sizes[2],
             held_count=len(held),
             held=np.array(held, dtype=np.int64),
             slow=model.slow,

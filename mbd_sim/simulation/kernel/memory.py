@@ -161,6 +161,7 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         return [name for name, speed in zip(model.driven_names, speeds, strict=True) if speed]
 
     tolerance, driven = guard_tolerance(model.equations), rheonomic(mechanism)
+    inputs, kept = len(model.inputs), model.method.inputs_in_history(len(model.start))
     contacts = CompiledContacts(
         model.one_sided,
         model.kernel,
@@ -171,7 +172,7 @@ def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:
         tolerance,
         driven,
         sorted(model.between_steps.held) if model.between_steps is not None else (),
-        (len(model.inputs), model.history_size),
+        (inputs, model.history_size, 0 if kept is None else inputs + kept),
         model.method.time_stepping,
     )
     arguments = (

@@ -434,4 +434,14 @@ def end_step(c: Contacts, t: float, y: Array, inputs: Array) -> None:
                     read_poses(c, t, y, inputs, places)
                     has_places = True
                 put(pair, places, one, other)
-                RENEW(pair.renew, pair.data, one, other, inputs[pair.numbers + pair.size * slot :])
+                renew_start(c, pair, one, other, inputs, pair.numbers + pair.size * slot)
+
+
+def renew_start(c: Contacts, pair: FeaturePair, one: Array, other: Array, inputs: Array, numbers: int) -> None:
+    """Renew what the row of a slot iterates from; the slopes of earlier steps are as good as before."""
+    belongs = c.kept_inputs > 0
+    for i in range(numbers, numbers + pair.size):
+        belongs = belongs and inputs[c.kept_inputs + i] == inputs[i]
+    RENEW(pair.renew, pair.data, one, other, inputs[numbers:])
+    for i in range(numbers, numbers + pair.size if belongs else numbers):
+        inputs[c.kept_inputs + i] = inputs[i]

@@ -50,7 +50,8 @@ class Contacts:
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
     that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. There are
-    `inputs`, and behind them `history` numbers of the method. The `held_count` numbers `held` of a state change between
+    `inputs`, and behind them `history` numbers of the method, which hold the inputs that they belong to from
+    `kept_inputs` on, if that is not 0. The `held_count` numbers `held` of a state change between
     steps only. Slip below the speed `slow` has the stored direction. States have `size` numbers, the speeds are those
     from `first_speed` on, and the losses follow `first_loss`. The modes are the inputs from `first_mode` on, and those
     from their number `first_feature` on are the features of slots. Friction element k has the rows 2 k and 2 k + 1 of
@@ -95,6 +96,7 @@ class Contacts:
     accuracy: float
     inputs: int
     history: int
+    kept_inputs: int
     held_count: int
     held: Integers
     slow: float
