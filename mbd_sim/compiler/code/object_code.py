@@ -18,11 +18,13 @@ PASSES = {
     1: ("always_inliner", "sroa", "new_gvn", "simplify_cfg", "dead_store_elimination"),
 }
 # LLVM's code generator compares each load and store of a block with all that may change places with it. These limits
-# save nine tenths of its time for 300 rods, and steps are as fast. No operation on floating-point numbers changes.
+# save nine tenths of its time for 300 rods, and a quarter for contacts of robots, and steps are as fast. No operation
+# on floating-point numbers changes.
 # Each option with its value and LLVM's own, which other programs in this process may use.
 OPTIONS = (
     ("-combiner-store-merging", "false", "true"),  # no search for stores to adjacent addresses
     ("-combiner-tokenfactor-inline-limit", "4", "2048"),  # how many sets of such loads and stores become one set
+    ("-enable-misched", "false", "true"),  # no scheduling of machine instructions, which are in a good order
 )
 _COMPILING = threading.Lock()  # these options are variables of the whole process
 
