@@ -146,12 +146,12 @@ class SteppedRun:
     def _forget_problems(self) -> None:
         self.problem = self.advice = ""
         self._error_threshold, self._share_threshold = TOLERATED, OPEN_ACCOUNT
-        self._said_passing = False
+        self._said_passing = self._checked_pressing = False
 
     def _check_accuracy(self) -> None:
         """Warn once of a step that is too large or an open energy account, and again when it has grown tenfold.
 
-        Warn once of contacts that a step may miss.
+        Warn once of contacts that a step may miss, or in which they press too little.
 
         The account is left alone where the estimated error of a step says why it is open.
         """
@@ -166,6 +166,9 @@ class SteppedRun:
                 self._share_threshold, grown = 10.0 * share, True
             if not self._said_passing and simulation.passing_advice:
                 self._said_passing = grown = True
+            if not self._checked_pressing:
+                self._checked_pressing = True
+                grown = grown or simulation.pressing_advice is not None
         if grown:
             self.advice = simulation.step_advice or ""
             self.output.report(EventKind.WARNING, self.advice)

@@ -188,7 +188,7 @@ SQUARINGS = 6  # of a matrix, to estimate its eigenvalues: ‖A⁶⁴‖^(1/64) 
 
 @dataclass(frozen=True, slots=True)
 class FastestMode:
-    """The largest |λ| of ∂f/∂y in 1/s, and the index of the speed u that takes the largest part in it."""
+    """The largest |λ| of ∂f/∂y in 1/s, or -Re λ, and the index of the speed u that takes the largest part in it."""
 
     rate: float
     speed: int
@@ -199,6 +199,13 @@ def fastest_mode(equations: Equations, time: float, y: Array, inputs: Array) -> 
     if equations.layout.nv == 0:
         return FastestMode(0.0, 0)
     return _largest(equations, _jacobian(equations, time, y, inputs))
+
+
+def fastest_decay(equations: Equations, time: float, y: Array, inputs: Array) -> FastestMode:
+    """The mode that decays fastest at a state, with everything open; the rate is 0 if none does."""
+    if equations.layout.nv == 0:
+        return FastestMode(0.0, 0)
+    return _largest(equations, _jacobian(equations, time, y, inputs), decay=True)
 
 
 def is_slower(equations: Equations, time: float, y: Array, inputs: Array, rate: float) -> bool:
@@ -257,9 +264,10 @@ def _scaled(equations: Equations, jacobian: Array) -> Array:
     return scaled
 
 
-def _largest(equations: Equations, jacobian: Array) -> FastestMode:
+def _largest(equations: Equations, jacobian: Array, *, decay: bool = False) -> FastestMode:
     if not np.all(np.isfinite(jacobian)):
         return FastestMode(0.0, 0)
     values, vectors = np.linalg.eig(_scaled(equations, jacobian))
-    fastest = int(np.argmax(np.abs(values)))
-    return FastestMode(float(np.abs(values[fastest])), int(np.argmax(np.abs(vectors[_speeds(equations), fastest]))))
+    rates = np.maximum(-values.real, 0.0) if decay else np.abs(values)
+    fastest = int(np.argmax(rates))
+    return FastestMode(float(rates[fastest]), int(np.argmax(np.abs(vectors[_speeds(equations), fastest]))))

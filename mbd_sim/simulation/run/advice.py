@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 TOLERATED = 1e-5  # estimated error of a step relative to s + |q| and s + |u|; shipped mechanisms stay below 1e-6
 OPEN_ACCOUNT = 1e-4  # residual relative to the largest energy or work
+UNPRESSED = 0.05  # of a force that presses a contact, which may lack in time stepping
 TARGET = 1e-7  # error of a step at which the proposed step size aims
 MARGIN = 0.5  # the proposed step as a fraction of the largest stable one
 USELESS = 100.0  # a step smaller by more than this factor is not proposed if another method is
@@ -66,6 +67,30 @@ def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: flo
     return (
         f"a step of {step:g} s is too large for {model.mechanism.name}{rates}: the error of a step {size}. "
         f"Try {' or '.join(proposals)}."
+    )
+
+
+def advice_on_pressing(model: Model, time: float, y: Array, inputs: Array, step: float) -> str | None:
+    """A sentence on dampers that make contacts press too little in time stepping, or None if they do so by little.
+
+    A step h is free first, in which a damper d of a mass m takes from a force what it would take if no contact held
+    the mass: the contact bears (1 - exp(-x))/x of the force, with x = h d/m.
+    """
+    if not model.method.time_stepping:
+        return None
+    from mbd_sim.simulation.model.method_choice import fastest_decay
+
+    mode = fastest_decay(model.equations, time, y, inputs)
+    part = mode.rate * step
+    if part <= 2.0 * UNPRESSED:
+        return None
+    names = list(model.mechanism.coordinate_names)
+    at = f" at {names[mode.speed]}" if names else ""
+    borne = (1.0 - math.exp(-part)) / part
+    return (
+        f"a step of {step:g} s is too large for {model.mechanism.name} with {model.method.name}: dampers{at} act at a "
+        f"rate of {mode.rate:.1g}/s, so that a contact which holds it bears {borne:.2g} of the force that presses it. "
+        f"Try step {round_down(2.0 * UNPRESSED / mode.rate):g} or a method with events."
     )
 
 

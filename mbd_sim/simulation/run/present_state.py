@@ -129,8 +129,8 @@ class PresentState(ReadOnlyAttributes):
     def step_advice(self) -> str | None:
         """A sentence that names a better step or method if the step is too large for the mechanism, else None.
 
-        A step is too large if its estimated error is large, if it leaves the energy account open, or if it may miss a
-        contact.
+        A step is too large if its estimated error is large, if it leaves the energy account open, if it may miss a
+        contact, or if contacts press too little in it.
         """
         from mbd_sim.simulation.run.advice import advice_on_energy, advice_on_step
 
@@ -138,7 +138,15 @@ class PresentState(ReadOnlyAttributes):
             advice_on_step(self.model, *self._memory.now, self.step_size, self.error_estimate)
             or advice_on_energy(self.model, self.energies, self.start_energy, self.step_size)
             or self.passing_advice
+            or self.pressing_advice
         )
+
+    @property
+    def pressing_advice(self) -> str | None:
+        """A sentence on dampers that make contacts press too little in time stepping, else None."""
+        from mbd_sim.simulation.run.advice import advice_on_pressing
+
+        return advice_on_pressing(self.model, *self._memory.now, self.step_size)
 
     @property
     def passing_advice(self) -> str | None:

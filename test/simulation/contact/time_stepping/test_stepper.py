@@ -91,6 +91,34 @@ def test_sliding_friction_and_what_pushes_are_in_the_account(stack):
     assert abs(simulation.energies.residual) < 1e-12
 
 
+PRESSED = """
+mechanism: pressed
+parts:
+  carriage: {mass: 1, center: [0, 0, 0], inertia: [1, 1, 1]}
+  finger: {shape: {type: sphere, mass: 0.1, radius: 0.01}}
+joints:
+  along: {type: prismatic, between: [ground, carriage], axis: [1, 0, 0]}
+  down: {type: prismatic, between: [carriage, finger], axis: [0, 0, 1], position: 0.01, damping: 100}
+forces:
+  push: {type: effort, coordinate: along, effort: 20}
+  press: {type: effort, coordinate: down, effort: -10}
+contacts: {floor: {parts: [finger], plane: ground, friction: 0.5}}
+"""
+
+
+def test_dampers_that_act_in_the_free_motion_take_from_what_presses_a_contact_as_the_advice_says():
+    sim = Simulation.from_text(PRESSED, method="moreau", step=1e-3)
+    sim.step(100)
+    part = (1.0 - np.exp(-1.0)) / 1.0  # of the force, with a rate of 1000/s
+    assert sim.u[0] == pytest.approx(0.1 * (20.0 - 0.5 * part * (10.0 + 0.1 * 9.81)) / 1.1, rel=1e-4)
+    assert "dampers at down act at a rate of 1e+03/s" in sim.step_advice and f"bears {part:.2g} of" in sim.step_advice
+    fine = Simulation.from_text(PRESSED, method="moreau", step=5e-5)
+    fine.step(2000)
+    assert fine.step_advice is None
+    assert fine.u[0] == pytest.approx(0.1 * (20.0 - 0.5 * (10.0 + 0.1 * 9.81)) / 1.1, rel=1.2e-2)
+    assert Simulation.from_text(PRESSED, step=1e-3).pressing_advice is None
+
+
 def test_members_of_an_ensemble_move_as_single_simulations_do():
     from mbd_sim import Ensemble
 
