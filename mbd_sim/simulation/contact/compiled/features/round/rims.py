@@ -25,10 +25,12 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CONVERGED,
     CORNER_CORNER,
     CORNER_SIDE,
+    EDGE_RIM,
     FIRST,
     ITERATIONS,
     KIND,
     LARGEST_STEP,
+    RIM_EDGE,
     SECOND,
     SIDE_CORNER,
 )
@@ -88,9 +90,9 @@ class PointOfRim:
 
 def is_rim_contact(a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
     """Whether the features of a key are two rims, or a rim and a round side or an ellipsoid."""
-    if key[KIND] == SIDE_CORNER:
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM):
         return a.hull.ruled[key[FIRST]] != 0 and is_rim(b, key[SECOND])
-    if key[KIND] == CORNER_SIDE:
+    if key[KIND] in (CORNER_SIDE, RIM_EDGE):
         return b.hull.ruled[key[SECOND]] != 0 and is_rim(a, key[FIRST])
     if key[KIND] != CORNER_CORNER or not (a.hull.curved[key[FIRST]] and b.hull.curved[key[SECOND]]):
         return False
@@ -129,7 +131,7 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
 def meet_rim(a: PlacedRound, b: PlacedRound, key: Integers, start: Array, out: Array) -> None:
     """A rim that touches another one, a side or an ellipsoid near a direction, with the margin to their ends."""
     rim, other, corner, opposite, sign, side = a, b, key[FIRST], key[SECOND], 1.0, -1
-    if key[KIND] == SIDE_CORNER or not is_rim(a, key[FIRST]):
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM) or not is_rim(a, key[FIRST]):
         rim, other, corner, opposite, sign = b, a, key[SECOND], key[FIRST], -1.0
     if key[KIND] != CORNER_CORNER:
         side, opposite = opposite, other.hull.ends[2 * opposite]

@@ -7,6 +7,7 @@ from mbd_sim.dynamics.contact.shapes import POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
 from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT
 from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound
+from mbd_sim.simulation.contact.compiled.features.round.chords import is_end_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD, half_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
@@ -38,9 +39,14 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 )
 
 
-def is_iterated(p: RoundBodies, kind: int) -> bool:
-    """Whether what a kind of pairs has in place of a fixed normal is iterated by its row."""
-    return kind in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or (p.radius > 0.0 and is_crossing(kind))
+def is_iterated(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether what a pair of features has in place of a fixed normal is iterated by its row."""
+    return key[KIND] in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or is_round_chord(p, a, b, key)
+
+
+def is_round_chord(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether the features of a key are a rim and what is round on it, an edge or a side, at the end of its chord."""
+    return is_crossing(key[KIND]) and (is_at_rim(p, a, b, key) or is_end_of_chord(a, b, key))
 
 
 def is_crossing(kind: int) -> bool:
@@ -64,8 +70,8 @@ def decode(number: int, key: Integers) -> None:
 def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
     """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`."""
     kind, own, mode = key[KIND], zeros(3), ITERATED
-    if is_at_rim(p, a, b, key):  # its row is that of any edge and corner
-        kind = SIDE_CORNER if kind in (SIDE_CORNER, EDGE_RIM) else CORNER_SIDE
+    if is_round_chord(p, a, b, key):  # its row is that of any side and corner
+        kind = SIDE_CORNER if kind == EDGE_RIM else CORNER_SIDE
     for k in range(SMOOTH_SIZE):
         slot[k] = 0.0
     is_side, is_face = kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), kind in (FACE_CORNER, FACE_POINT, RIM_EDGE)
