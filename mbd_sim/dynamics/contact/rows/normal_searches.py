@@ -21,7 +21,7 @@ Found = tuple[IteratedNormal, ca.SX, tuple[ca.SX, ca.SX]]
 
 @dataclass(frozen=True, eq=False)
 class NormalSearch:
-    """The search of the normal of two corners, with their `roots` R, see `farthest`, and the `line` between them, which a side can bound.
+    """The search of the normal of two corners, with their `roots` R and the `line` between them; a side can bound it.
 
     It is `used` if it is 1, and 0 if the normal is fixed.
     """
