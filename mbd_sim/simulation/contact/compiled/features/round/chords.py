@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, PlacedRound, farthest
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, PlacedRound
 from mbd_sim.simulation.contact.compiled.features.round.crossings import CROSSING, MARGIN, NORMAL, TOWARD
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_SIDE,
@@ -29,8 +29,9 @@ from mbd_sim.simulation.contact.compiled.features.round.rims import (
     follow,
     is_rim_contact,
     place_rim,
+    start_of_side,
 )
-from mbd_sim.simulation.contact.compiled.features.vectors import add, copy, divide, dot, scale, size_of, subtract
+from mbd_sim.simulation.contact.compiled.features.vectors import add, copy, divide, dot, scale, size_of
 
 LEVEL_SIDE = 1e-3  # sine of the tilt against the axis over the part of the chord, below which a side has a chord
 
@@ -52,26 +53,10 @@ def end_of_side(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) ->
         rim, other, corner, side, sign = b, a, key[SECOND], key[FIRST], -1.0
     m = RimContact(rim, corner, other, other.hull.ends[2 * side], side, zeros(3), zeros(3))
     at = PointOfRim(zeros(3), zeros(3), zeros(3), zeros(3), zeros(3), zeros(NUMBERS))
-    start, level, line, radius = zeros(3), zeros(3), zeros(3), rim.hull.rims[corner]
+    level = zeros(3)
     place_rim(m)
-    above = -1.0 if dot(m.axis, m.center) < 0.0 else 1.0
-    farthest(other, other.hull.ends[2 * side], m.axis, above, start)
-    farthest(other, other.hull.ends[2 * side + 1], m.axis, above, level)
-    subtract(level, start, level)
-    divide(level, size_of(level))
-    rise = dot(level, m.axis)
-    if abs(rise) > CROSSING:
+    if not start_of_side(m, key[SIGN], level, at.outward):
         return False
-    add(level, -rise, m.axis, level)
-    divide(level, size_of(level))
-    subtract(start, rim.corners[3 * corner :], line)
-    add(line, -dot(m.axis, line), m.axis, line)
-    add(line, -dot(level, line), level, line)
-    square = radius * radius - dot(line, line)
-    if not square > 0.0:
-        return False
-    add(line, key[SIGN] * math.sqrt(square), level, at.outward)
-    divide(at.outward, size_of(at.outward))
     follow(m, at)
     scale(-sign, at.outward, toward)
     return key[SIGN] * dot(level, at.outward) > CROSSED
