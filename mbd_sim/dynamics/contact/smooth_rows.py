@@ -29,7 +29,8 @@ the edge and the tangent of the rim. With r, the part of p + s d - c across a,
 n has the sign opposite to that of the root s. The normal among the numbers is a then, in the part of the end.
 
 What rows do not use is known to the narrow phase alone: of a crossing, half of its last chord, among the cosines; of a
-rim on a face, the last direction from its center to the point that touches, among the directions of sides.
+rim on a face, the last direction from its center to the point that touches, among the directions of sides; of
+two sides, the last place in the second part where they crossed, in place of the normal.
 """
 
 from __future__ import annotations

@@ -239,8 +239,8 @@ def test_directions_across_are_renewed_before_they_are_along_the_normal():
     assert pair.margin(across, HERE, numbers) < 0.0
 
 
-@pytest.mark.parametrize("angle", [0.01, 0.09, -0.05])
-def test_a_step_ends_where_the_crossing_of_edges_that_are_nearly_parallel_has_run_along_them(angle):
+@pytest.mark.parametrize("angle", [0.01, 0.4, -0.05])
+def test_a_step_ends_where_the_crossing_of_edges_has_run_along_them(angle):
     """It runs through a rod in microseconds, with forces of many times the weight, which one long step missed."""
     bodies, z = (rod(0.4, 0.03), rod(0.3, 0.02)), np.array([0.0, 0.0, 1.0])
     pair = pair_of(bodies)
@@ -252,13 +252,15 @@ def test_a_step_ends_where_the_crossing_of_edges_that_are_nearly_parallel_has_ru
     assert pair.margin(crossed(0.0, angle), HERE, found.numbers) == pytest.approx(0.03)
     assert pair.margin(crossed(0.01, angle), HERE, found.numbers) == pytest.approx(0.02)
     assert pair.margin(crossed(0.031, angle), HERE, found.numbers) < 0.0
-    assert pair.margin(crossed(0.031, 0.2), HERE, found.numbers) > 0.03  # not those that are crossed
+    assert pair.margin(crossed(0.031, 0.6), HERE, found.numbers) > 0.03  # not those that are crossed
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_capsule_that_rocks_on_a_nearly_parallel_one_keeps_its_energy(seed):
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("capsule", 0), ("capsule", 1), ("capsule", 2), ("cylinder", 3), ("cylinder", 4)]
+)
+def test_a_bar_that_rocks_on_a_nearly_parallel_one_keeps_its_energy(kind, seed):
     chance = np.random.default_rng([seed, 3])
-    bar = {"type": "capsule", "radius": 0.03, "length": 0.4, "axis": [1, 0, 0], "mass": 1}
+    bar = {"type": kind, "radius": 0.03, "length": 0.4, "axis": [1, 0, 0], "mass": 1}
     yaw, pitch = chance.uniform(0.002, 0.02), chance.uniform(0.02, 0.05)
     joint = {"type": "free", "between": ["ground", "top"], "position": [chance.uniform(-0.1, 0.1), 0, 0.08]}
     joint |= {"orientation": {"rpy": [0, pitch, yaw]}}
@@ -268,4 +270,4 @@ def test_a_capsule_that_rocks_on_a_nearly_parallel_one_keeps_its_energy(seed):
     sim = Simulation.from_text(json.dumps(text), step=1e-3)
     sim.run(until=0.3)
     assert sim.contact_event_count >= 3
-    assert abs(sim.energies.residual) < 2e-11
+    assert abs(sim.energies.residual) < 1e-9

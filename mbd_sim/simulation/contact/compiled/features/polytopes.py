@@ -40,10 +40,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 BORDER = 0.5  # of the tolerance, by which a point may be beside its face or edge
 SUPPORT = 4.0  # times the tolerance, by which a body may reach beyond a plane that supports it
 TURNED = 0.5  # sine of the angle between the normal and the stored direction across it, below which that is renewed
-SLANTED, PASSED = (
-    0.1,
-    0.1,
-)  # sine up to which edges count as nearly parallel, and how far of them their crossing may run
+SLANTED, PASSED = 0.5, 0.1  # sine of the angle below which the crossing of edges can run, and how far of them in a step
 TINY = 1e-300
 VERTEX_FACE, FACE_VERTEX, EDGE_EDGE, VERTEX_EDGE, EDGE_VERTEX, VERTEX_VERTEX = 0, 1, 2, 3, 4, 5
 COUNT = 1 << 15  # features of a kind
@@ -73,9 +70,9 @@ def polytope_margin(p: Polytopes, one: Array, other: Array, numbers: Array, spot
 
 
 def room_along(a: PlacedHull, b: PlacedHull, code: int, numbers: Array, meeting: Array) -> float:
-    """How far in m the crossing of two edges that are nearly parallel may still run along them in this step.
+    """How far in m the crossing of two edges may still run along them before the step ends.
 
-    It runs the faster, with the larger forces, the less they are turned against each other.
+    It runs the faster, with the larger forces, the nearer to parallel they are.
     """
     own, across, i, j = zeros(3), zeros(3), code // COUNT % COUNT, code % COUNT
     if code // (COUNT * COUNT) != EDGE_EDGE:

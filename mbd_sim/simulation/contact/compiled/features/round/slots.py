@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
-from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT
+from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT, PASSED, SLANTED
 from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound
 from mbd_sim.simulation.contact.compiled.features.round.chords import is_end_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD, half_of_chord
@@ -29,6 +31,8 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     copy,
+    cross,
+    distance_of,
     divide,
     least_axis,
     place_back,
@@ -91,6 +95,8 @@ def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, me
     turn_back(b.pose, meeting[NORMAL:], own)
     least_axis(own, slot[25:])
     turn_back(b.pose, meeting[TOWARD:], slot[22:])
+    if mode == TWO_SIDES:
+        place_back(b.pose, meeting[POINT:], slot[22:])
     if mode == FIXED_FIRST:
         turn_back(a.pose, meeting[NORMAL:], slot[22:])
     if is_crossing(kind):
@@ -127,6 +133,18 @@ def write_body(
         copy(hull.corners[3 * corner :], at)
         slot[12 + own] = hull.marks[corner]
     subtract(at, hull.at, slot[3 * own :])
+
+
+def room_along(a: PlacedRound, b: PlacedRound, key: Integers, point: Array, numbers: Array) -> float:
+    """As `polytopes.room_along`, of two sides; their slot has their last crossing in place of a normal."""
+    across, place, i, j = zeros(3), zeros(3), 2 * key[FIRST], 2 * key[SECOND]
+    cross(a.directions[3 * key[FIRST] :], b.directions[3 * key[SECOND] :], across)
+    if size_of(across) > SLANTED:
+        return math.inf
+    place_back(b.pose, point, place)
+    one = distance_of(a.corners[3 * a.hull.ends[i] :], a.corners[3 * a.hull.ends[i + 1] :])
+    other = distance_of(b.corners[3 * b.hull.ends[j] :], b.corners[3 * b.hull.ends[j + 1] :])
+    return PASSED * min(one, other) - distance_of(place, numbers[22:])
 
 
 def chord_at(key: Integers) -> int:

@@ -62,6 +62,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     RIM_EDGE,
     SECOND,
     SIDE_CORNER,
+    SIDE_SIDE,
     SIGN,
     STARTS,
     RoundBodies,
@@ -88,6 +89,7 @@ from mbd_sim.simulation.contact.compiled.features.round.slots import (
     is_iterated,
     is_rim_on_face,
     is_round_chord,
+    room_along,
     stored_arm,
     write_arm,
     write_chord,
@@ -99,6 +101,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     cross,
     distance_of,
     place,
+    place_back,
     scale,
     size_of,
     turn,
@@ -409,6 +412,8 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     elif is_crossing(key[KIND]):
         half = numbers[chord_at(key)]
         margin = min(margin, CHANGED * half - abs(half_of_chord(a, b, key) - half))
+    elif key[KIND] == SIDE_SIDE:
+        margin = min(margin, room_along(a, b, key, meeting[POINT:], numbers))
     elif is_rim_on_face(a, b, key):
         stored_arm(a, b, key, numbers, stored)
         arm_of(a, b, key, meeting[POINT:], own)
@@ -449,6 +454,12 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
             simple_normal(a, b, key, normal)
             meet(p, a, b, key, normal, normal, meeting)
             write_arm(a, b, key, meeting[POINT:], numbers)
+    elif key[KIND] == SIDE_SIDE:
+        put_round(a, one, other)
+        put_round(b, other, other)
+        simple_normal(a, b, key, normal)
+        meet(p, a, b, key, normal, normal, meeting)
+        place_back(b.pose, meeting[POINT:], numbers[22:])
 
 
 def stored_normal(a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array, out: Array) -> None:
