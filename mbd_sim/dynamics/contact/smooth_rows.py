@@ -29,7 +29,8 @@ the edge and the tangent of the rim. With r, the part of p + s d - c across a,
 n has the sign opposite to that of the root s. The normal among the numbers is a then, in the part of the end.
 
 What rows do not use is known to the narrow phase alone: of a crossing, half of its last chord, among the cosines; of a
-rim on a face, the last direction from its center to the point that touches, among the directions of sides.
+rim on a face, the last direction from its center to the point that touches, among the directions of sides; of
+two sides, the last place in the second part where they crossed, in place of the normal.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ from mbd_sim.dynamics.contact.rows.normal_searches import (
     RevolvedAtRim,
     RimSearch,
     RoundedSearch,
+    farthest,
     unit,
 )
 from mbd_sim.dynamics.contact.shapes import Touch, protrusion
@@ -57,15 +59,15 @@ LEAST = 1e-8  # of the radius of a rim, half of a chord below which this counts 
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
 
 
-def _gram(body: ContactBody, frame: SymbolicPose, rim: ca.SX) -> ca.SX:
-    """K of the corner of a body, in ground's axes, from its number among the `rims`."""
+def _root(body: ContactBody, frame: SymbolicPose, rim: ca.SX) -> ca.SX:
+    """R of the corner of a body, whose K = Rᵀ R, in ground's axes, from its number among the `rims`."""
     match body:
         case EllipsoidBody():
-            axes = ca.sparsify(frame.rotation @ constant(body.axes)) @ ca.diag(ca.vertcat(*body.radii))
-            return rim * (axes @ axes.T)
+            axes = ca.sparsify(frame.rotation @ constant(body.axes))
+            return rim * (ca.diag(ca.vertcat(*body.radii)) @ axes.T)
         case Barrel() | ConeBody():
             axis = ca.sparsify(frame.rotation @ constant(body.axis))
-            return rim * rim * (ca.SX.eye(3) - axis @ axis.T)
+            return rim * (ca.SX.eye(3) - axis @ axis.T)
         case _:
             return ca.SX(3, 3)
 
@@ -89,8 +91,8 @@ def smooth_touch(
     d_a, d_b = first.rotation @ d_a, second.rotation @ d_b
     end = _end_of_crossing(bodies)
     crossed = numbers[30] if end is not None else ca.SX(1, 1)
-    grams = [
-        _gram(body, frame, (1.0 - crossed) * numbers[12 + k])
+    roots = [
+        _root(body, frame, (1.0 - crossed) * numbers[12 + k])
         for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))
     ]
     fixed = on_b * (second.rotation @ hint) + on_a * (first.rotation @ hint)
@@ -100,7 +102,7 @@ def smooth_touch(
         axis, edge = frames[end].rotation @ hint, (d_b, d_a)[end]
         crossing = _crossing(line if end else -line, edge, axis, numbers[12 + end], sign, crossed)
         fixed += crossed * (crossing.normal if end else -crossing.normal)
-    normals = NormalSearch(line, grams, free * (d_a + d_b), free * (k_b - k_a), side, free)
+    normals = NormalSearch(line, roots, free * (d_a + d_b), free * (k_b - k_a), side, free)
     search: NormalSearch | RimSearch | RoundedSearch = normals
     if (rim := _rim(bodies)) is not None:
         search = _rim_search(normals, bodies, frames, rim, numbers)
@@ -109,7 +111,7 @@ def smooth_touch(
         sides = free * (d_a, d_b)[rounded], free * (d_b, d_a)[rounded]
         search = RoundedSearch(line, *sides, free * (k_b - k_a), axis, radius, free)
     iterated, normal, toward = search.found(fixed, second.rotation @ hint)
-    arms = [_arm(gram, direction) for gram, direction in zip(grams, toward, strict=True)]
+    arms = [farthest(root, direction)[0] for root, direction in zip(roots, toward, strict=True)]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free + crossed
     lifts = [
@@ -227,12 +229,6 @@ def _lift(body: ContactBody, frame: SymbolicPose, normal: ca.SX, radius: ca.SX) 
     aside = normal - axis * ca.dot(axis, normal)
     lift: ca.SX = protrusion(1.0, ca.dot(aside, aside)) * radius
     return lift
-
-
-def _arm(gram: ca.SX, normal: ca.SX) -> ca.SX:
-    """From a corner to its farthest point along the normal."""
-    found = gram @ normal
-    return found / ca.sqrt(ca.dot(normal, found) + TINY)
 
 
 def _across_both(d_a: ca.SX, d_b: ca.SX, k_a: ca.SX, k_b: ca.SX, sign: ca.SX, unused: ca.SX) -> ca.SX:

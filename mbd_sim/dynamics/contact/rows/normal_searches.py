@@ -21,13 +21,13 @@ Found = tuple[IteratedNormal, ca.SX, tuple[ca.SX, ca.SX]]
 
 @dataclass(frozen=True, eq=False)
 class NormalSearch:
-    """The search of the normal of two corners, with their `grams` and the `line` between them, which a side can bound.
+    """The search of the normal of two corners, with their `roots` R and the `line` between them; a side can bound it.
 
     It is `used` if it is 1, and 0 if the normal is fixed.
     """
 
     line: ca.SX
-    grams: list[ca.SX]
+    roots: list[ca.SX]
     bound: ca.SX
     cosine: ca.SX
     side: ca.SX
@@ -42,7 +42,7 @@ class NormalSearch:
 
     def following(self, fixed: ca.SX, given: ca.SX) -> ca.SX:
         """The normal after one step from a given one."""
-        step = _newton_step(given, self.bound, self.cosine, self.line, self.grams, self.side, self.used)
+        step = _newton_step(given, self.bound, self.cosine, self.line, self.roots, self.side, self.used)
         return fixed + self.used * step
 
 
@@ -207,7 +207,7 @@ class RoundedSearch:
 
 
 def _newton_step(
-    given: ca.SX, direction: ca.SX, cosine: ca.SX, line: ca.SX, grams: list[ca.SX], side: ca.SX, used: ca.SX
+    given: ca.SX, direction: ca.SX, cosine: ca.SX, line: ca.SX, roots: list[ca.SX], side: ca.SX, used: ca.SX
 ) -> ca.SX:
     """A step of n = k d + √(1 - k²) m toward the normal at which the gap is largest; d is zero where none is given."""
     bound, scale = ca.dot(direction, direction), ca.sqrt(1.0 - cosine * cosine)
@@ -216,11 +216,9 @@ def _newton_step(
     other = (1.0 - bound) * ca.cross(m, one)
     normal = cosine * direction + scale * m
     slope, bend = line, ca.SX(3, 3)
-    for gram in grams:
-        found = gram @ normal
-        size = ca.sqrt(ca.dot(normal, found) + TINY)
-        arm = found / size
-        slope, bend = slope - arm, bend - (gram - arm @ arm.T) / size
+    for root in roots:
+        arm, size = farthest(root, normal)
+        slope, bend = slope - arm, bend - (root.T @ root - arm @ arm.T) / size
     tangents = ca.horzcat(one, other)
     gradient = used * scale * (tangents.T @ slope)
     hessian = scale * scale * (tangents.T @ bend @ tangents) - scale * ca.dot(m, slope) * ca.SX.eye(2)
@@ -230,6 +228,18 @@ def _newton_step(
     first = (hessian[0, 1] * gradient[1] - hessian[1, 1] * gradient[0]) / determinant
     second = (hessian[1, 0] * gradient[0] - hessian[0, 0] * gradient[1]) / determinant
     return cosine * direction + scale * unit(m + first * one + second * other)
+
+
+def farthest(root: ca.SX, normal: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """From a corner with K = Rᵀ R to its farthest point along the normal, and its reach √(n·K n) = |R n|.
+
+    Of a rim, n·n - (n·a)² would be lost in round-off near its axis a, and could become negative.
+
+    :param root: R.
+    """
+    fold = root @ normal
+    size = ca.sqrt(ca.dot(fold, fold) + TINY)
+    return root.T @ (fold / size), size
 
 
 def unit(vector: ca.SX) -> ca.SX:

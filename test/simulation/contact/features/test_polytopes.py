@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 
 import casadi as ca
@@ -10,6 +11,7 @@ import pytest
 from scipy.optimize import linprog, minimize
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
+from mbd_sim import Simulation
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.feature_rows import KEY, SLOT_SIZE, slot_touch
@@ -235,3 +237,37 @@ def test_directions_across_are_renewed_before_they_are_along_the_normal():
     numbers = found.numbers.copy()
     numbers[KEY - 3 : KEY] = rot.unit(np.array([0.1, 0.0, 1.0]))
     assert pair.margin(across, HERE, numbers) < 0.0
+
+
+@pytest.mark.parametrize("angle", [0.01, 0.4, -0.05])
+def test_a_step_ends_where_the_crossing_of_edges_has_run_along_them(angle):
+    """It runs through a rod in microseconds, with forces of many times the weight, which one long step missed."""
+    bodies, z = (rod(0.4, 0.03), rod(0.3, 0.02)), np.array([0.0, 0.0, 1.0])
+    pair = pair_of(bodies)
+
+    def crossed(along, turn):
+        return Pose(np.array([along, 0.0, 0.05]), rot.about(z, turn))
+
+    (found,) = pair.touching(crossed(0.0, angle), HERE, 1e-13)
+    assert pair.margin(crossed(0.0, angle), HERE, found.numbers) == pytest.approx(0.03)
+    assert pair.margin(crossed(0.01, angle), HERE, found.numbers) == pytest.approx(0.02)
+    assert pair.margin(crossed(0.031, angle), HERE, found.numbers) < 0.0
+    assert pair.margin(crossed(0.031, 0.6), HERE, found.numbers) > 0.03  # not those that are crossed
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("capsule", 0), ("capsule", 1), ("capsule", 2), ("cylinder", 3), ("cylinder", 4)]
+)
+def test_a_bar_that_rocks_on_a_nearly_parallel_one_keeps_its_energy(kind, seed):
+    chance = np.random.default_rng([seed, 3])
+    bar = {"type": kind, "radius": 0.03, "length": 0.4, "axis": [1, 0, 0], "mass": 1}
+    yaw, pitch = chance.uniform(0.002, 0.02), chance.uniform(0.02, 0.05)
+    joint = {"type": "free", "between": ["ground", "top"], "position": [chance.uniform(-0.1, 0.1), 0, 0.08]}
+    joint |= {"orientation": {"rpy": [0, pitch, yaw]}}
+    joints = {"below": {"type": "fixed", "between": ["ground", "below"]}, "top": joint}
+    parts, contact = {"below": {"shape": bar}, "top": {"shape": bar}}, {"between": ["top", "below"]}
+    text = {"mechanism": "rocking", "parts": parts, "joints": joints, "contacts": {"c": contact}}
+    sim = Simulation.from_text(json.dumps(text), step=1e-3)
+    sim.run(until=0.3)
+    assert sim.contact_event_count >= 3
+    assert abs(sim.energies.residual) < 1e-9

@@ -119,3 +119,18 @@ def test_a_row_follows_a_rim_past_the_axis(kinds):
             assert at == pytest.approx(point, abs=1e-11)
             assert pair.margin(*after, found[0].numbers) > 0.0
         assert pair.margin(*after, pair.renewed(*after, found[0].numbers)) > 0.0
+
+
+@pytest.mark.parametrize("kinds", [("cylinder", "cylinder"), ("cone", "disc"), ("disc", "cylinder")], ids="-".join)
+def test_a_row_is_a_number_where_one_rim_touches_along_the_axis_of_the_other(kinds):
+    """As where a cylinder that lies on an end rolls off it; the reach of a rim along its axis was a root of round-off."""
+    chance, bodies = np.random.default_rng(5), tuple(BODIES[kind][0] for kind in kinds)
+    pair = SmoothPair(*bodies, 8)
+    for _ in range(20):
+        numbers = np.array([0.5 * np.pi, 0.0]), chance.uniform(0.8, 2.3), chance.uniform(-1.0, 1.0, 2)
+        poses, normal, point = touching(kinds, numbers, Rotation.random(rng=chance))
+        rows = [row_of(bodies, found, poses[1])(poses[0]) for found in pair.touching(*poses, 1e-13)]
+        assert min(np.linalg.norm(at - point) for _, _, at in rows) < 1e-11
+        for gap, own, _ in rows:
+            assert gap == pytest.approx(0.0, abs=1e-13)
+            assert own == pytest.approx(normal, abs=1e-11)

@@ -303,3 +303,21 @@ def _check_rate(bodies, features, poses, chance):
     assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-14)
     rate = (8.0 * (gap(1e-4) - gap(-1e-4)) - (gap(2e-4) - gap(-2e-4))) / 1.2e-3
     assert normal @ (slide + np.cross(spin, point - at.position)) == pytest.approx(rate, abs=1e-7)
+
+
+@pytest.mark.parametrize("angle", [0.02, 0.4, -0.1])
+def test_a_step_ends_where_the_crossing_of_two_sides_has_run_along_them(angle):
+    """It runs through a cylinder in microseconds, with forces of many times the weight, which one long step missed."""
+    here, up = Attachment("part", np.zeros(3)), np.array([0.0, 0.0, 1.0])
+    pair = SmoothPair(Barrel(here, up, 0.03, 0.4), Barrel(here, up, 0.02, 0.3), 8)
+
+    def crossed(along, turn):
+        spin = Rotation.from_rotvec([turn, 0.0, 0.0])
+        return Pose(np.array([0.05, 0.0, along]), spin.as_matrix()), Pose(np.zeros(3), np.eye(3))
+
+    (found,) = pair.touching(*crossed(0.0, angle), 1e-13)
+    assert pair.margin(*crossed(0.0, angle), found.numbers) == pytest.approx(0.03)
+    assert pair.margin(*crossed(0.031, angle), found.numbers) < 0.0
+    renewed = pair.renewed(*crossed(0.02, angle), found.numbers)
+    assert pair.margin(*crossed(0.031, angle), renewed) == pytest.approx(0.019)
+    assert pair.margin(*crossed(0.031, 0.6), found.numbers) > 0.03  # not those that are crossed

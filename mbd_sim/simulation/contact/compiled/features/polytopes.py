@@ -40,6 +40,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 BORDER = 0.5  # of the tolerance, by which a point may be beside its face or edge
 SUPPORT = 4.0  # times the tolerance, by which a body may reach beyond a plane that supports it
 TURNED = 0.5  # sine of the angle between the normal and the stored direction across it, below which that is renewed
+SLANTED, PASSED = 0.5, 0.1  # sine of the angle below which the crossing of edges can run, and how far of them in a step
 TINY = 1e-300
 VERTEX_FACE, FACE_VERTEX, EDGE_EDGE, VERTEX_EDGE, EDGE_VERTEX, VERTEX_VERTEX = 0, 1, 2, 3, 4, 5
 COUNT = 1 << 15  # features of a kind
@@ -65,7 +66,24 @@ def polytope_margin(p: Polytopes, one: Array, other: Array, numbers: Array, spot
     copy(found[POINT:], spot)
     copy(found[NORMAL:], spot[3:])
     spot[6] = found[GAP]
-    return min(found[MARGIN], size_of(side) - TURNED)
+    return min(min(found[MARGIN], size_of(side) - TURNED), room_along(a, b, code, numbers, found))
+
+
+def room_along(a: PlacedHull, b: PlacedHull, code: int, numbers: Array, meeting: Array) -> float:
+    """How far in m the crossing of two edges may still run along them before the step ends.
+
+    It runs the faster, with the larger forces, the nearer to parallel they are.
+    """
+    own, across, i, j = zeros(3), zeros(3), code // COUNT % COUNT, code % COUNT
+    if code // (COUNT * COUNT) != EDGE_EDGE:
+        return math.inf
+    cross(meeting[DIRECTIONS:], meeting[DIRECTIONS + 3 :], across)
+    if size_of(across) > SLANTED:
+        return math.inf
+    place_back(a.pose, meeting[POINTS:], own)
+    found = PASSED * a.hull.lengths[i] - distance_of(own, numbers)
+    place_back(b.pose, meeting[POINTS + 3 :], own)
+    return min(found, PASSED * b.hull.lengths[j] - distance_of(own, numbers[3:]))
 
 
 def polytope_touching(p: Polytopes, one: Array, other: Array, tolerance: float, slots: Array) -> int:
@@ -267,8 +285,8 @@ def meet_edges(p: Polytopes, a: PlacedHull, b: PlacedHull, i: int, j: int, out: 
         out[MARGIN] = min(min(s, a.hull.lengths[i] - s), min(t, b.hull.lengths[j] - t))
     if p.radius != 0.0:
         out[MARGIN] = min(out[MARGIN], min(outside(b, j, apart, 1.0), outside(a, i, apart, -1.0)))
-    copy(start, out[POINTS:])
-    copy(other_start, out[POINTS + 3 :])
+    copy(out[POINT:], out[POINTS:])
+    add(other_start, t, other, out[POINTS + 3 :])
     scale(sign, direction, out[DIRECTIONS:])
     copy(other, out[DIRECTIONS + 3 :])
     out[FORM] = ACROSS

@@ -258,15 +258,21 @@ def rim_lies(one: PlacedRound, other: PlacedRound, face: int, corner: int, numbe
 
 
 def edge_lies(one: PlacedRound, other: PlacedRound, face: int, side: int, number: int, part: float, out: Array) -> bool:
-    """Whether an edge lies across a disc; `out` becomes one of the two points that carry it.
+    """Whether an edge or a side lies across a disc; `out` becomes one of the two points that carry it.
 
-    :param part: of the chord, between these points; 0 if the middle of a short one carries it.
+    :param part: of the chord, between these points; 0 if the middle of a short one carries it, which a side can only.
     """
-    direction, line, center = one.directions[3 * side :], zeros(3), zeros(3)
-    radius = other.hull.face_radii[face]
-    if one.hull.ruled[side] or radius == 0.0 or abs(dot(direction, other.normals[3 * face :])) > FLAT:
+    direction, line, center, normal = zeros(3), zeros(3), zeros(3), other.normals[3 * face :]
+    start, stop, radius = zeros(3), zeros(3), other.hull.face_radii[face]
+    if radius == 0.0 or (one.hull.ruled[side] and part > 0.0):
         return False
-    start, stop = one.corners[3 * one.hull.ends[2 * side] :], one.corners[3 * one.hull.ends[2 * side + 1] :]
+    farthest(one, one.hull.ends[2 * side], normal, -1.0, start)
+    farthest(one, one.hull.ends[2 * side + 1], normal, -1.0, stop)
+    subtract(stop, start, direction)
+    length = size_of(direction)
+    divide(direction, length)
+    if abs(dot(direction, normal)) > FLAT:
+        return False
     middle(other, face, center)
     subtract(start, center, line)
     along = dot(direction, line)
@@ -277,6 +283,5 @@ def edge_lies(one: PlacedRound, other: PlacedRound, face: int, side: int, number
         return False
     half = part * math.sqrt(chord)
     end = -along + (half if number == 1 else -half)
-    subtract(stop, start, line)
     add(start, end, direction, out)
-    return 0.0 < end < size_of(line)
+    return 0.0 < end < length

@@ -19,16 +19,27 @@ from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import POINTS
-from mbd_sim.simulation.contact.compiled.features.round.bodies import LEAST, PlacedRound, folded, is_rim
-from mbd_sim.simulation.contact.compiled.features.round.crossings import FREE, GAP, HINT, MARGIN, NORMAL, POINT, TOWARD
+from mbd_sim.simulation.contact.compiled.features.round.bodies import LEAST, PlacedRound, farthest, folded, is_rim
+from mbd_sim.simulation.contact.compiled.features.round.crossings import (
+    CROSSING,
+    FREE,
+    GAP,
+    HINT,
+    MARGIN,
+    NORMAL,
+    POINT,
+    TOWARD,
+)
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CONVERGED,
     CORNER_CORNER,
     CORNER_SIDE,
+    EDGE_RIM,
     FIRST,
     ITERATIONS,
     KIND,
     LARGEST_STEP,
+    RIM_EDGE,
     SECOND,
     SIDE_CORNER,
 )
@@ -88,9 +99,9 @@ class PointOfRim:
 
 def is_rim_contact(a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
     """Whether the features of a key are two rims, or a rim and a round side or an ellipsoid."""
-    if key[KIND] == SIDE_CORNER:
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM):
         return a.hull.ruled[key[FIRST]] != 0 and is_rim(b, key[SECOND])
-    if key[KIND] == CORNER_SIDE:
+    if key[KIND] in (CORNER_SIDE, RIM_EDGE):
         return b.hull.ruled[key[SECOND]] != 0 and is_rim(a, key[FIRST])
     if key[KIND] != CORNER_CORNER or not (a.hull.curved[key[FIRST]] and b.hull.curved[key[SECOND]]):
         return False
@@ -120,6 +131,9 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
     for k in range(STARTS if touches_rim(m) else 0):
         if start_of_rims(m, k, at.outward):
             keep_better(m, at, best, toward, normal)
+    for k in range(2 if m.side >= 0 else 0):  # beside each other if the chord is short
+        if start_of_side(m, 2 * k - 1, at.tangent, at.outward):
+            keep_better(m, at, best, toward, normal)
     scale(-sign, toward, at.outward)
     copy(at.outward, toward)
     scale(sign, normal, at.normal)
@@ -129,7 +143,7 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
 def meet_rim(a: PlacedRound, b: PlacedRound, key: Integers, start: Array, out: Array) -> None:
     """A rim that touches another one, a side or an ellipsoid near a direction, with the margin to their ends."""
     rim, other, corner, opposite, sign, side = a, b, key[FIRST], key[SECOND], 1.0, -1
-    if key[KIND] == SIDE_CORNER or not is_rim(a, key[FIRST]):
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM) or not is_rim(a, key[FIRST]):
         rim, other, corner, opposite, sign = b, a, key[SECOND], key[FIRST], -1.0
     if key[KIND] != CORNER_CORNER:
         side, opposite = opposite, other.hull.ends[2 * opposite]
@@ -191,6 +205,29 @@ def start_of_rims(m: RimContact, number: int, out: Array) -> bool:
     add(found, -dot(m.axis, found), m.axis, out)
     if not size_of(out) > 0.0:
         return False
+    divide(out, size_of(out))
+    return True
+
+
+def start_of_side(m: RimContact, sign: int, level: Array, out: Array) -> bool:
+    """A direction near one of the ends of the chord of a side that is nearly level, and the level part of this side."""
+    start, line, side, radius = zeros(3), zeros(3), m.side, m.rim.hull.rims[m.corner]
+    above = -1.0 if dot(m.axis, m.center) < 0.0 else 1.0
+    farthest(m.other, m.other.hull.ends[2 * side], m.axis, above, start)
+    farthest(m.other, m.other.hull.ends[2 * side + 1], m.axis, above, level)
+    subtract(level, start, level)
+    rise = dot(level, m.axis)
+    if abs(rise) > CROSSING * size_of(level):
+        return False
+    add(level, -rise, m.axis, level)
+    divide(level, size_of(level))
+    subtract(start, m.rim.corners[3 * m.corner :], line)
+    add(line, -dot(m.axis, line), m.axis, line)
+    add(line, -dot(level, line), level, line)
+    square = radius * radius - dot(line, line)
+    if not square > 0.0:
+        return False
+    add(line, sign * math.sqrt(square), level, out)
     divide(out, size_of(out))
     return True
 

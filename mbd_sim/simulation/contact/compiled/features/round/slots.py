@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
-from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT
+from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT, PASSED, SLANTED
 from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound
+from mbd_sim.simulation.contact.compiled.features.round.chords import is_end_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD, half_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
@@ -28,6 +31,8 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     copy,
+    cross,
+    distance_of,
     divide,
     least_axis,
     place_back,
@@ -38,9 +43,14 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 )
 
 
-def is_iterated(p: RoundBodies, kind: int) -> bool:
-    """Whether what a kind of pairs has in place of a fixed normal is iterated by its row."""
-    return kind in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or (p.radius > 0.0 and is_crossing(kind))
+def is_iterated(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether what a pair of features has in place of a fixed normal is iterated by its row."""
+    return key[KIND] in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or is_round_chord(p, a, b, key)
+
+
+def is_round_chord(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether the features of a key are a rim and what is round on it, an edge or a side, at the end of its chord."""
+    return is_crossing(key[KIND]) and (is_at_rim(p, a, b, key) or is_end_of_chord(a, b, key))
 
 
 def is_crossing(kind: int) -> bool:
@@ -64,8 +74,8 @@ def decode(number: int, key: Integers) -> None:
 def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
     """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`."""
     kind, own, mode = key[KIND], zeros(3), ITERATED
-    if is_at_rim(p, a, b, key):  # its row is that of any edge and corner
-        kind = SIDE_CORNER if kind in (SIDE_CORNER, EDGE_RIM) else CORNER_SIDE
+    if is_round_chord(p, a, b, key):  # its row is that of any side and corner
+        kind = SIDE_CORNER if kind == EDGE_RIM else CORNER_SIDE
     for k in range(SMOOTH_SIZE):
         slot[k] = 0.0
     is_side, is_face = kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), kind in (FACE_CORNER, FACE_POINT, RIM_EDGE)
@@ -85,6 +95,8 @@ def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, me
     turn_back(b.pose, meeting[NORMAL:], own)
     least_axis(own, slot[25:])
     turn_back(b.pose, meeting[TOWARD:], slot[22:])
+    if mode == TWO_SIDES:
+        place_back(b.pose, meeting[POINT:], slot[22:])
     if mode == FIXED_FIRST:
         turn_back(a.pose, meeting[NORMAL:], slot[22:])
     if is_crossing(kind):
@@ -121,6 +133,18 @@ def write_body(
         copy(hull.corners[3 * corner :], at)
         slot[12 + own] = hull.marks[corner]
     subtract(at, hull.at, slot[3 * own :])
+
+
+def room_along(a: PlacedRound, b: PlacedRound, key: Integers, point: Array, numbers: Array) -> float:
+    """As `polytopes.room_along`, of two sides; their slot has their last crossing in place of a normal."""
+    across, place, i, j = zeros(3), zeros(3), 2 * key[FIRST], 2 * key[SECOND]
+    cross(a.directions[3 * key[FIRST] :], b.directions[3 * key[SECOND] :], across)
+    if size_of(across) > SLANTED:
+        return math.inf
+    place_back(b.pose, point, place)
+    one = distance_of(a.corners[3 * a.hull.ends[i] :], a.corners[3 * a.hull.ends[i + 1] :])
+    other = distance_of(b.corners[3 * b.hull.ends[j] :], b.corners[3 * b.hull.ends[j + 1] :])
+    return PASSED * min(one, other) - distance_of(place, numbers[22:])
 
 
 def chord_at(key: Integers) -> int:

@@ -20,6 +20,12 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     put_round,
     tilt,
 )
+from mbd_sim.simulation.contact.compiled.features.round.chords import (
+    end_of_side,
+    is_end_of_chord,
+    is_side_at_rim,
+    tilt_of_side,
+)
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     CHANGED,
     FREE,
@@ -56,6 +62,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     RIM_EDGE,
     SECOND,
     SIDE_CORNER,
+    SIDE_SIDE,
     SIGN,
     STARTS,
     RoundBodies,
@@ -81,6 +88,8 @@ from mbd_sim.simulation.contact.compiled.features.round.slots import (
     is_crossing,
     is_iterated,
     is_rim_on_face,
+    is_round_chord,
+    room_along,
     stored_arm,
     write_arm,
     write_chord,
@@ -92,6 +101,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     cross,
     distance_of,
     place,
+    place_back,
     scale,
     size_of,
     turn,
@@ -242,8 +252,10 @@ def level(
 
     :param limit: the sine of the angle up to which it lies flat; `crossed` is that of edges with crossings.
     """
-    if is_at_rim(p, a, b, key) and is_crossing(key[KIND]):
+    if is_round_chord(p, a, b, key):
         return math.inf
+    if is_side_at_rim(a, b, key):
+        return tilt_of_side(a, b, key, normal, toward, limit)
     if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]] and b.hull.curved[key[SECOND]]:
         if is_at_middle(a, key[FIRST], b, key[SECOND]):
             return -b.hull.rims[key[SECOND]]
@@ -277,9 +289,9 @@ def consider_crossings(
 ) -> None:  # fmt: skip
     """Write the slots of sharp edges that cross the rims of round ends on which they lie, nearly or entirely."""
     key = integers(KEY)
+    consider_chord(p, a, b, EDGE_RIM, bottom, top, slots, points, count)
+    consider_chord(p, a, b, RIM_EDGE, bottom, top, slots, points, count)
     if p.radius > 0.0:
-        consider_chord(p, a, b, EDGE_RIM, bottom, top, slots, points, count)
-        consider_chord(p, a, b, RIM_EDGE, bottom, top, slots, points, count)
         return
     key[KIND] = EDGE_RIM
     for face in range(0 if a.hull.is_curved else b.hull.faces):
@@ -312,7 +324,7 @@ def consider_chord(
     p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, bottom: float, top: float, slots: Array, points: Array,
     count: Integers,
 ) -> None:  # fmt: skip
-    """Write the slots of both ends of the chord of a rounded edge that lies on a round end, nearly or entirely."""
+    """Write the slots of both ends of the chord of a round edge or a side that lies on a round end, or nearly so."""
     key, toward, normal, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
     key[KIND] = kind
     for i in range(a.hull.sides if kind == EDGE_RIM else a.hull.count):
@@ -323,6 +335,8 @@ def consider_chord(
                     meet(p, a, b, key, normal, toward, meeting)
                     if tilt_at_rim(a, b, key, meeting[NORMAL:], meeting[TOWARD:], STEEP, STEEP) <= 0.0:
                         consider(p, a, b, key, normal, toward, bottom, top, slots, points, count)
+                if is_end_of_chord(a, b, key) and end_of_side(a, b, key, toward):
+                    consider(p, a, b, key, normal, toward, bottom, top, slots, points, count)
 
 
 def consider_face(
@@ -391,13 +405,15 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     copy(normal, spot[3:])
     spot[6] = meeting[GAP]
     margin = min(meeting[MARGIN], size_of(side) - TURNED)
-    if is_iterated(p, key[KIND]):
+    if is_iterated(p, a, b, key):
         turn(b.pose, numbers[22:], stored)
         margin = min(margin, meeting[FREE] - distance_of(meeting[TOWARD:], stored))
         margin = min(margin, level(p, a, b, key, normal, meeting[TOWARD:], LEVEL, LEAST_ITERABLE))
     elif is_crossing(key[KIND]):
         half = numbers[chord_at(key)]
         margin = min(margin, CHANGED * half - abs(half_of_chord(a, b, key) - half))
+    elif key[KIND] == SIDE_SIDE:
+        margin = min(margin, room_along(a, b, key, meeting[POINT:], numbers))
     elif is_rim_on_face(a, b, key):
         stored_arm(a, b, key, numbers, stored)
         arm_of(a, b, key, meeting[POINT:], own)
@@ -413,7 +429,7 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
     )
     key, normal, meeting = integers(KEY), zeros(3), zeros(MEETING)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
-    if is_iterated(p, key[KIND]):
+    if is_iterated(p, a, b, key):
         put_round(a, one, other)
         put_round(b, other, other)
         if is_at_rim(p, a, b, key):
@@ -438,6 +454,12 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
             simple_normal(a, b, key, normal)
             meet(p, a, b, key, normal, normal, meeting)
             write_arm(a, b, key, meeting[POINT:], numbers)
+    elif key[KIND] == SIDE_SIDE:
+        put_round(a, one, other)
+        put_round(b, other, other)
+        simple_normal(a, b, key, normal)
+        meet(p, a, b, key, normal, normal, meeting)
+        place_back(b.pose, meeting[POINT:], numbers[22:])
 
 
 def stored_normal(a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array, out: Array) -> None:
