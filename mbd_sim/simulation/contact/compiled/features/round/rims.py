@@ -19,18 +19,31 @@ from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import POINTS
-from mbd_sim.simulation.contact.compiled.features.round.bodies import LEAST, PlacedRound, folded, is_rim
-from mbd_sim.simulation.contact.compiled.features.round.crossings import FREE, GAP, HINT, MARGIN, NORMAL, POINT, TOWARD
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, LEAST, PlacedRound, folded, is_rim
+from mbd_sim.simulation.contact.compiled.features.round.crossings import (
+    CROSSING,
+    FREE,
+    GAP,
+    HINT,
+    MARGIN,
+    NORMAL,
+    POINT,
+    TOWARD,
+)
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CONVERGED,
     CORNER_CORNER,
     CORNER_SIDE,
+    EDGE_RIM,
     FIRST,
     ITERATIONS,
     KIND,
     LARGEST_STEP,
+    PARALLEL,
+    RIM_EDGE,
     SECOND,
     SIDE_CORNER,
+    SIGN,
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
@@ -88,9 +101,9 @@ class PointOfRim:
 
 def is_rim_contact(a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
     """Whether the features of a key are two rims, or a rim and a round side or an ellipsoid."""
-    if key[KIND] == SIDE_CORNER:
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM):
         return a.hull.ruled[key[FIRST]] != 0 and is_rim(b, key[SECOND])
-    if key[KIND] == CORNER_SIDE:
+    if key[KIND] in (CORNER_SIDE, RIM_EDGE):
         return b.hull.ruled[key[SECOND]] != 0 and is_rim(a, key[FIRST])
     if key[KIND] != CORNER_CORNER or not (a.hull.curved[key[FIRST]] and b.hull.curved[key[SECOND]]):
         return False
@@ -100,7 +113,7 @@ def is_rim_contact(a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
 def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array, normal: Array) -> None:
     """The direction in which a rim touches another one, a side or an ellipsoid, and the normal: the best ones found."""
     rim, other, corner, opposite, sign, side = a, b, key[FIRST], key[SECOND], 1.0, -1
-    if key[KIND] == SIDE_CORNER or not is_rim(a, key[FIRST]):
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM) or not is_rim(a, key[FIRST]):
         rim, other, corner, opposite, sign = b, a, key[SECOND], key[FIRST], -1.0
     if key[KIND] != CORNER_CORNER:
         side, opposite = opposite, other.hull.ends[2 * opposite]
@@ -129,7 +142,7 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
 def meet_rim(a: PlacedRound, b: PlacedRound, key: Integers, start: Array, out: Array) -> None:
     """A rim that touches another one, a side or an ellipsoid near a direction, with the margin to their ends."""
     rim, other, corner, opposite, sign, side = a, b, key[FIRST], key[SECOND], 1.0, -1
-    if key[KIND] == SIDE_CORNER or not is_rim(a, key[FIRST]):
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM) or not is_rim(a, key[FIRST]):
         rim, other, corner, opposite, sign = b, a, key[SECOND], key[FIRST], -1.0
     if key[KIND] != CORNER_CORNER:
         side, opposite = opposite, other.hull.ends[2 * opposite]
@@ -148,9 +161,59 @@ def meet_rim(a: PlacedRound, b: PlacedRound, key: Integers, start: Array, out: A
         add(rim.corners[3 * corner :], radius, at.outward, out[POINT:])
     else:
         add(other.corners[3 * opposite :], 1.0, at.arm, out[POINT:])
+    if key[KIND] in (EDGE_RIM, RIM_EDGE):
+        share = key[SIGN] * share_of(m, at.outward)
+        out[MARGIN] = min(share - CROSSED, CROSSING * share - abs(dot(at.normal, at.outward))) * radius
     out[FREE] = HINT
     if at.numbers[BEND] > 0.0:
         out[FREE] = HINT * min(1.0, max(at.numbers[FIRM], 0.0) / at.numbers[BEND])
+
+
+def end_of_side_chord(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
+    """The direction of one end of the chord of a round side across a round end; False where there is none."""
+    rim, other, corner, sign, side, normal = a, b, key[FIRST], 1.0, key[SECOND], zeros(3)
+    if key[KIND] == EDGE_RIM:
+        rim, other, corner, sign, side = b, a, key[SECOND], -1.0, key[FIRST]
+    m = RimContact(rim, corner, other, other.hull.ends[2 * side], side, zeros(3), zeros(3))
+    at = PointOfRim(zeros(3), zeros(3), zeros(3), zeros(3), zeros(3), zeros(NUMBERS))
+    level = zeros(3)
+    nearest_of_rim(a, b, key, toward, normal)
+    place_rim(m)
+    scale(-sign, toward, at.outward)
+    if key[SIGN] * share_of(m, at.outward) < 0.0:  # the other end is nearer
+        along_end(m, level)
+        add(at.outward, -2.0 * dot(level, at.outward), level, at.outward)
+    follow(m, at)
+    scale(-sign, at.outward, toward)
+    return key[SIGN] * share_of(m, at.outward) > CROSSED
+
+
+def tilt_of_side(
+    a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array, crossed: float
+) -> float:  # fmt: skip
+    """How far in m a normal is tilted beyond a limit where a round side lies on an end: see `level` in `smooth`."""
+    rim, other, corner, side = a, b, key[FIRST], key[SECOND]
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM):
+        rim, other, corner, side = b, a, key[SECOND], key[FIRST]
+    m = RimContact(rim, corner, other, other.hull.ends[2 * side], side, zeros(3), zeros(3))
+    place_rim(m)
+    share = abs(share_of(m, toward))
+    return (abs(dot(normal, toward)) - crossed * share) * rim.hull.rims[corner] if share > CROSSED else math.inf
+
+
+def share_of(m: RimContact, outward: Array) -> float:
+    """The part of a direction along a round side, seen along the axis: half of the chord over the radius at its end."""
+    level = zeros(3)
+    along_end(m, level)
+    return dot(level, outward)
+
+
+def along_end(m: RimContact, out: Array) -> None:
+    """The direction of the axis of a round side, seen along that of the rim; zero if both are parallel."""
+    direction = m.other.directions[3 * m.side :]
+    add(direction, -dot(m.axis, direction), m.axis, out)
+    size = size_of(out)
+    scale(1.0 / size if size > PARALLEL else 0.0, out, out)
 
 
 def touches_rim(m: RimContact) -> bool:

@@ -25,6 +25,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     SIGN,
     RoundBodies,
 )
+from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     copy,
@@ -38,9 +39,14 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 )
 
 
-def is_iterated(p: RoundBodies, kind: int) -> bool:
-    """Whether what a kind of pairs has in place of a fixed normal is iterated by its row."""
-    return kind in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or (p.radius > 0.0 and is_crossing(kind))
+def is_iterated(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether what a pair of features has in place of a fixed normal is iterated by its row."""
+    return key[KIND] in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or has_direction(p, a, b, key)
+
+
+def has_direction(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether the direction from the center of a rim is iterated in place of a normal."""
+    return is_at_rim(p, a, b, key) or is_rim_contact(a, b, key)
 
 
 def is_crossing(kind: int) -> bool:
@@ -64,7 +70,7 @@ def decode(number: int, key: Integers) -> None:
 def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
     """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`."""
     kind, own, mode = key[KIND], zeros(3), ITERATED
-    if is_at_rim(p, a, b, key):  # its row is that of any edge and corner
+    if is_crossing(kind) and has_direction(p, a, b, key):  # its row is that of any side and corner
         kind = SIDE_CORNER if kind in (SIDE_CORNER, EDGE_RIM) else CORNER_SIDE
     for k in range(SMOOTH_SIZE):
         slot[k] = 0.0

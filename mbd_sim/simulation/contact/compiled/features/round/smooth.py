@@ -66,7 +66,13 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     start_direction,
     support,
 )
-from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact, meet_rim, nearest_of_rim
+from mbd_sim.simulation.contact.compiled.features.round.rims import (
+    end_of_side_chord,
+    is_rim_contact,
+    meet_rim,
+    nearest_of_rim,
+    tilt_of_side,
+)
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
     end_of_chord,
     is_at_rim,
@@ -78,6 +84,7 @@ from mbd_sim.simulation.contact.compiled.features.round.slots import (
     arm_of,
     chord_at,
     decode,
+    has_direction,
     is_crossing,
     is_iterated,
     is_rim_on_face,
@@ -242,8 +249,10 @@ def level(
 
     :param limit: the sine of the angle up to which it lies flat; `crossed` is that of edges with crossings.
     """
-    if is_at_rim(p, a, b, key) and is_crossing(key[KIND]):
+    if has_direction(p, a, b, key) and is_crossing(key[KIND]):
         return math.inf
+    if key[KIND] in (SIDE_CORNER, CORNER_SIDE) and is_rim_contact(a, b, key):
+        return tilt_of_side(a, b, key, normal, toward, crossed)
     if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]] and b.hull.curved[key[SECOND]]:
         if is_at_middle(a, key[FIRST], b, key[SECOND]):
             return -b.hull.rims[key[SECOND]]
@@ -275,11 +284,11 @@ def consider_crossings(
     p: RoundBodies, a: PlacedRound, b: PlacedRound, bottom: float, top: float, slots: Array, points: Array,
     count: Integers,
 ) -> None:  # fmt: skip
-    """Write the slots of sharp edges that cross the rims of round ends on which they lie, nearly or entirely."""
+    """Write the slots of edges and round sides that cross the rims of round ends on which they lie, nearly or entirely."""
     key = integers(KEY)
+    consider_chords(p, a, b, EDGE_RIM, bottom, top, slots, points, count)
+    consider_chords(p, a, b, RIM_EDGE, bottom, top, slots, points, count)
     if p.radius > 0.0:
-        consider_chord(p, a, b, EDGE_RIM, bottom, top, slots, points, count)
-        consider_chord(p, a, b, RIM_EDGE, bottom, top, slots, points, count)
         return
     key[KIND] = EDGE_RIM
     for face in range(0 if a.hull.is_curved else b.hull.faces):
@@ -308,21 +317,38 @@ def consider_crossing(
             consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
 
 
-def consider_chord(
+def consider_chords(
     p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, bottom: float, top: float, slots: Array, points: Array,
     count: Integers,
 ) -> None:  # fmt: skip
-    """Write the slots of both ends of the chord of a rounded edge that lies on a round end, nearly or entirely."""
+    """Write the slots of both ends of chords of rounded edges and of round sides that lie on ends, nearly or entirely."""
     key, toward, normal, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
     key[KIND] = kind
     for i in range(a.hull.sides if kind == EDGE_RIM else a.hull.count):
         for j in range(b.hull.count if kind == EDGE_RIM else b.hull.sides):
             for number in range(2):
                 key[FIRST], key[SECOND], key[SIGN] = i, j, 2 * number - 1
-                if is_at_rim(p, a, b, key) and end_of_chord(a, b, key, toward):
-                    meet(p, a, b, key, normal, toward, meeting)
-                    if tilt_at_rim(a, b, key, meeting[NORMAL:], meeting[TOWARD:], STEEP, STEEP) <= 0.0:
-                        consider(p, a, b, key, normal, toward, bottom, top, slots, points, count)
+                if not (is_chord_end(p, a, b, key, toward)):
+                    continue
+                meet(p, a, b, key, normal, toward, meeting)
+                if tilt_over_chord(p, a, b, key, meeting, STEEP) <= 0.0:
+                    consider(p, a, b, key, normal, toward, bottom, top, slots, points, count)
+
+
+def is_chord_end(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
+    """The direction of an end of a chord, if there is this one."""
+    if is_at_rim(p, a, b, key):
+        return end_of_chord(a, b, key, toward)
+    return is_rim_contact(a, b, key) and end_of_side_chord(a, b, key, toward)
+
+
+def tilt_over_chord(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, limit: float
+) -> float:
+    """How far in m the normal is tilted against an end beyond a limit, of half of the chord over the radius."""
+    if is_at_rim(p, a, b, key):
+        return tilt_at_rim(a, b, key, meeting[NORMAL:], meeting[TOWARD:], limit, limit)
+    return tilt_of_side(a, b, key, meeting[NORMAL:], meeting[TOWARD:], limit)
 
 
 def consider_face(
@@ -373,7 +399,7 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     put_round(a, one, other)
     put_round(b, other, other)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
-    if is_at_rim(p, a, b, key) or is_rim_contact(a, b, key):
+    if has_direction(p, a, b, key):
         turn(b.pose, numbers[22:], at)
     elif not is_crossing(key[KIND]):
         stored_normal(a, b, key, numbers, normal)
@@ -391,7 +417,7 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     copy(normal, spot[3:])
     spot[6] = meeting[GAP]
     margin = min(meeting[MARGIN], size_of(side) - TURNED)
-    if is_iterated(p, key[KIND]):
+    if is_iterated(p, a, b, key):
         turn(b.pose, numbers[22:], stored)
         margin = min(margin, meeting[FREE] - distance_of(meeting[TOWARD:], stored))
         margin = min(margin, level(p, a, b, key, normal, meeting[TOWARD:], LEVEL, LEAST_ITERABLE))
@@ -413,7 +439,7 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
     )
     key, normal, meeting = integers(KEY), zeros(3), zeros(MEETING)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
-    if is_iterated(p, key[KIND]):
+    if is_iterated(p, a, b, key):
         put_round(a, one, other)
         put_round(b, other, other)
         if is_at_rim(p, a, b, key):
