@@ -47,12 +47,12 @@ from mbd_sim.dynamics.contact.rows.normal_searches import (
     RoundedSearch,
     unit,
 )
-from mbd_sim.dynamics.contact.shapes import Touch, protrusion
+from mbd_sim.dynamics.contact.shapes import BEND, FLAT_TILT, UNBENT, Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, ContactBody, EllipsoidBody, Solid
 
-SMOOTH_SIZE = 32  # numbers of a slot, of which the last one is the key
+SMOOTH_SIZE = 35  # numbers of a slot, of which the last one is the key
 LEAST = 1e-8  # of the radius of a rim, half of a chord below which this counts as it
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
 
@@ -112,16 +112,23 @@ def smooth_touch(
     arms = [_arm(gram, direction) for gram, direction in zip(grams, toward, strict=True)]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free + crossed
-    lifts = [
-        _lift(body, frame, fixed, numbers[28 + k]) for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))
-    ]
-    lift = lifts[0] + lifts[1]
     place, seen = at - arms[0] - radii[0] * normal, other + arms[1] + radii[1] * normal
     own = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two)
     if crossing is not None:
         assert end is not None
         own += crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
         distance -= crossed * ca.dot(normal, crossing.arm if end else -crossing.arm)
+    spot, whole = on_second * other + (1.0 - on_second) * at, ca.SX(1)
+    if crossing is not None:
+        assert end is not None
+        spot += crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
+        cosine = ca.dot(crossing.normal, axis)
+        whole = ca.fmax(1.0 - crossed * (1.0 - cosine * cosine) / UNBENT**2, 0.0) ** 3
+    bends = [
+        _bend(bodies[k], frames[k], frames[1 - k].rotation @ numbers[6 + 3 * k : 9 + 3 * k], spot, numbers[28 + k])
+        for k in (0, 1)
+    ]
+    lift = whole * (bends[0] + bends[1])
     one = ca.cross(side, normal)
     one /= ca.sqrt(ca.dot(one, one) + TINY)
     point = on_second * seen + (1.0 - on_second) * own
@@ -219,14 +226,16 @@ def _crossing(line: ca.SX, edge: ca.SX, axis: ca.SX, radius: ca.SX, sign: ca.SX,
     return _Crossing(along, arm, -sign * across / ca.sqrt(ca.dot(across, across) + TINY))
 
 
-def _lift(body: ContactBody, frame: SymbolicPose, normal: ca.SX, radius: ca.SX) -> ca.SX:
-    """How far in m a point of a rim of a `radius` protrudes; 0 for other points."""
+def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, radius: ca.SX) -> ca.SX:
+    """How far in m an end with a `radius` is bent at a point toward a face with a normal; 0 without a radius."""
     if not isinstance(body, Barrel | ConeBody):
         return ca.SX(1, 1)
     axis = ca.sparsify(frame.rotation @ constant(body.axis))
     aside = normal - axis * ca.dot(axis, normal)
-    lift: ca.SX = protrusion(1.0, ca.dot(aside, aside)) * radius
-    return lift
+    square, low = ca.dot(aside, aside), ca.fmax(-ca.dot(aside, point - frame.position), 0.0) ** 2
+    rest = ca.fmax(1.0 - square / FLAT_TILT**2, 0.0)
+    bend: ca.SX = BEND * radius * low * low / (radius**4 * square + TINY) * rest**3
+    return bend
 
 
 def _arm(gram: ca.SX, normal: ca.SX) -> ca.SX:

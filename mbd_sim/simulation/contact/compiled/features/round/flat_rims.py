@@ -10,6 +10,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     CODES,
     PlacedRound,
     codes,
+    corner_of,
     inside,
     lies,
     tilt,
@@ -64,9 +65,8 @@ def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: 
             continue
         own[0], own[1] = math.inf, 0.0
         points_of_rims(p, a, b, kind, face, own)
+        beneath(p, a, b, kind, other.normals[3 * face :], own)
         found[1] = max(found[1], own[1])
-        if found[1] > 0.0:
-            beneath(p, a, b, kind, other.normals[3 * face :], own)
         if not is_thin(other):
             found[0] = min(found[0], own[0])
         elif own[0] < math.inf:
@@ -104,8 +104,11 @@ def points_of_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, fa
 
 
 def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: Array, found: Array) -> None:
-    """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies flat."""
-    sign, body, other, face = 1.0, a, b, 0
+    """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies nearly flat.
+
+    The end lies flat also if it touches nothing else.
+    """
+    sign, body, other, face, sine = 1.0, a, b, 0, 0.0
     key, outward, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
     if kind == FACE_POINT:
         sign, body, other = -1.0, b, a
@@ -113,6 +116,9 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
         if dot(body.normals[3 * k :], normal) < dot(body.normals[3 * face :], normal):
             face = k
     scale(-sign, body.normals[3 * face :], outward)
+    sine = tilt(body, corner_of(body.hull, face), normal)
+    if sine > FLAT_TILT or (found[1] == 0.0 and (p.radius > 0.0 or other.hull.is_curved)):
+        return
     for code in range(codes(other.hull)):
         if code % CODES >= POINTS and lies(other, body, face, code, 1.0, at):
             key[KIND], key[FIRST], key[SECOND] = FACE_POINT, face, code
@@ -120,7 +126,9 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
             meet(p, a, b, key, outward, at, meeting)
             found[0] = min(found[0], meeting[GAP])
-    for side in range(0 if other.hull.is_curved else other.hull.sides):  # over which a part of the end hangs
+    for side in range(
+        0 if other.hull.is_curved or p.radius > 0.0 else other.hull.sides
+    ):  # over which a part of the end hangs
         for number in range(2):
             if crossing(other, side, body, face, 2 * number - 1, sign, meeting) and meeting[MARGIN] >= 0.0:
                 found[0] = min(found[0], meeting[GAP])
@@ -132,3 +140,5 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
             meet(p, a, b, key, outward, at, meeting)
             if meeting[MARGIN] >= 0.0:
                 found[0] = min(found[0], meeting[GAP])
+    if sine < EXACT_TILT and found[0] < math.inf:
+        found[1] = 1.0

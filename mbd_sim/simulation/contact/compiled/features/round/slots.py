@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.dynamics.contact.shapes import POINTS
+from mbd_sim.dynamics.contact.shapes import FLAT_TILT, POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
 from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound, RoundHull, facing
 from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD, half_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
@@ -28,8 +28,11 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
 from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim
 from mbd_sim.simulation.contact.compiled.features.vectors import (
+    add,
     copy,
+    distance_of,
     divide,
+    dot,
     least_axis,
     place_back,
     size_of,
@@ -37,6 +40,8 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     turn,
     turn_back,
 )
+
+LEANED = 0.1 * FLAT_TILT  # by which an end that lies nearly flat may turn in a step: it is bent the more
 
 
 def is_iterated(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
@@ -102,6 +107,9 @@ def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, me
         copy(a.hull.normals[3 * key[FIRST] :], slot[22:])
     if is_rim_on_face(a, b, key):
         write_arm(a, b, key, meeting[POINT:], slot)
+    write_bend(p, a, b, key, kind, slot)
+    if is_bent(slot):
+        write_lean(a, b, slot)
     slot[SMOOTH_SIZE - 1] = encoded(key)
 
 
@@ -117,8 +125,6 @@ def write_body(
         slot[14 + own] = hull.cosines[feature]
     if is_point:
         place_back(body.pose, meeting[POINT:], at)
-        if feature % CODES < POINTS:
-            slot[28 + own] = hull.rims[feature // CODES]
     elif is_face:
         copy(hull.centers[3 * feature :], at)
         if is_crossing(kind):
@@ -127,6 +133,62 @@ def write_body(
         copy(hull.corners[3 * corner :], at)
         slot[12 + own] = hull.marks[corner]
     subtract(at, hull.at, slot[3 * own :])
+
+
+def write_bend(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, kind: int, slot: Array) -> None:
+    """The radius of an end that lies nearly flat on a face, and the normal of this face: see `bend` in `bodies`."""
+    i, j = key[FIRST], key[SECOND]
+    if kind == POINT_FACE and i % CODES < POINTS:
+        write_flat(0, a.hull.rims[i // CODES], b.hull, j, slot)
+    elif kind == FACE_POINT and j % CODES < POINTS:
+        write_flat(1, b.hull.rims[j // CODES], a.hull, i, slot)
+    elif p.radius > 0.0:
+        return
+    elif kind in (CORNER_FACE, POINT_FACE, EDGE_RIM):
+        write_flat(1, b.hull.face_radii[j], a.hull, facing(b, j, a), slot)
+    elif kind in (FACE_CORNER, FACE_POINT, RIM_EDGE):
+        write_flat(0, a.hull.face_radii[i], b.hull, facing(a, i, b), slot)
+
+
+def write_flat(own: int, radius: float, other: RoundHull, face: int, slot: Array) -> None:
+    """Write the radius of an end and the normal of a face of the other body, if there is one."""
+    if face >= 0:
+        slot[28 + own] = radius
+        copy(other.normals[3 * face :], slot[6 + 3 * own :])
+
+
+def is_bent(numbers: Array) -> bool:
+    """Whether one of the bodies of a slot has an end that can be bent."""
+    return numbers[28] + numbers[29] > 0.0
+
+
+def write_lean(a: PlacedRound, b: PlacedRound, slot: Array) -> None:
+    """Write the present normal of the face on which an end lies, in the axes of the body with this end."""
+    lean(a, b, slot, slot[31:])
+
+
+def lean(a: PlacedRound, b: PlacedRound, numbers: Array, out: Array) -> None:
+    """The normal of the face on which an end lies, in the axes of the body with this end."""
+    normal = zeros(3)
+    if numbers[28] > 0.0:
+        turn(b.pose, numbers[6:], normal)
+        turn_back(a.pose, normal, out)
+    else:
+        turn(a.pose, numbers[9:], normal)
+        turn_back(b.pose, normal, out)
+
+
+def lean_left(a: PlacedRound, b: PlacedRound, numbers: Array) -> float:
+    """The sine by which an end that can be bent may still turn: up to where it begins or ceases to be, or little."""
+    now, aside, known, axis = zeros(3), zeros(3), numbers[31:], a.hull.normals
+    if not numbers[28] > 0.0:
+        axis = b.hull.normals
+    lean(a, b, numbers, now)
+    add(known, -dot(axis, known), axis, aside)
+    was_flat = size_of(aside) < FLAT_TILT
+    add(now, -dot(axis, now), axis, aside)
+    left = size_of(aside) - FLAT_TILT
+    return min(-left, LEANED - distance_of(now, known)) if was_flat else left
 
 
 def chord_at(key: Integers) -> int:

@@ -16,6 +16,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     FLAT,
     PlacedRound,
     codes,
+    facing,
     lies,
     put_round,
     tilt,
@@ -85,12 +86,15 @@ from mbd_sim.simulation.contact.compiled.features.round.slots import (
     chord_at,
     decode,
     has_direction,
+    is_bent,
     is_crossing,
     is_iterated,
     is_rim_on_face,
+    lean_left,
     stored_arm,
     write_arm,
     write_chord,
+    write_lean,
     write_slot,
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import (
@@ -284,7 +288,7 @@ def consider_crossings(
     p: RoundBodies, a: PlacedRound, b: PlacedRound, bottom: float, top: float, slots: Array, points: Array,
     count: Integers,
 ) -> None:  # fmt: skip
-    """Write the slots of edges and round sides that cross the rims of round ends on which they lie, nearly or entirely."""
+    """Write the slots of edges and sides that cross the rims of round ends on which they lie, nearly or entirely."""
     key = integers(KEY)
     consider_chords(p, a, b, EDGE_RIM, bottom, top, slots, points, count)
     consider_chords(p, a, b, RIM_EDGE, bottom, top, slots, points, count)
@@ -307,21 +311,34 @@ def consider_crossing(
     top: float, slots: Array, points: Array, count: Integers,
 ) -> None:  # fmt: skip
     """Write the slots of both ends of the chord of an edge across a round end, unless it is on the other side."""
-    normal, meeting = zeros(3), zeros(MEETING)
+    normal, meeting, apart = zeros(3), zeros(MEETING), -math.inf
+    if key[KIND] == EDGE_RIM:
+        apart = apart_at(p, a, b, facing(b, key[SECOND], a), a, -1.0)
+    else:
+        apart = apart_at(p, a, b, facing(a, key[FIRST], b), b, 1.0)
     for number in range(2):
         key[SIGN] = 2 * number - 1
         if not meet_crossing(a, b, key, meeting) or is_steep(axis, meeting):
             continue
-        if support(p, a, b, meeting[NORMAL:]) >= bottom - OTHER_SIDE * p.reach:
+        if max(apart, support(p, a, b, meeting[NORMAL:])) >= bottom - OTHER_SIDE * p.reach:
             scale(toward, axis, normal)
             consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
+
+
+def apart_at(p: RoundBodies, a: PlacedRound, b: PlacedRound, face: int, body: PlacedRound, sign: float) -> float:
+    """s(n) of the normal of a face of one of the bodies, times a sign."""
+    normal = zeros(3)
+    if face < 0:
+        return -math.inf
+    scale(sign, body.normals[3 * face :], normal)
+    return support(p, a, b, normal)
 
 
 def consider_chords(
     p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, bottom: float, top: float, slots: Array, points: Array,
     count: Integers,
 ) -> None:  # fmt: skip
-    """Write the slots of both ends of chords of rounded edges and of round sides that lie on ends, nearly or entirely."""
+    """Write the slots of both ends of the chords of rounded edges and round sides that lie on ends, nearly or not."""
     key, toward, normal, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
     key[KIND] = kind
     for i in range(a.hull.sides if kind == EDGE_RIM else a.hull.count):
@@ -428,6 +445,8 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
         stored_arm(a, b, key, numbers, stored)
         arm_of(a, b, key, meeting[POINT:], own)
         margin = min(margin, ROLLED - distance_of(own, stored))
+    if is_bent(numbers):
+        margin = min(margin, lean_left(a, b, numbers))
     return margin
 
 
@@ -439,9 +458,11 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
     )
     key, normal, meeting = integers(KEY), zeros(3), zeros(MEETING)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
+    put_round(a, one, other)
+    put_round(b, other, other)
+    if is_bent(numbers):
+        write_lean(a, b, numbers)
     if is_iterated(p, a, b, key):
-        put_round(a, one, other)
-        put_round(b, other, other)
         if is_at_rim(p, a, b, key):
             turn(b.pose, numbers[22:], normal)
             meet_at_rim(p, a, b, key, normal, meeting)
@@ -454,12 +475,8 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
             stored_normal(a, b, key, numbers, normal)
         turn_back(b.pose, normal, numbers[22:])
     elif is_crossing(key[KIND]):
-        put_round(a, one, other)
-        put_round(b, other, other)
         write_chord(a, b, key, numbers)
     elif key[KIND] in (CORNER_FACE, FACE_CORNER):
-        put_round(a, one, other)
-        put_round(b, other, other)
         if is_rim_on_face(a, b, key):
             simple_normal(a, b, key, normal)
             meet(p, a, b, key, normal, normal, meeting)
