@@ -44,7 +44,8 @@ from mbd_sim.mechanism.elements.contacts import (
 POINTS = 6  # of a rim that carry it; in a plane mechanism the two in its plane
 FLAT_TILT = 0.02  # sine of the tilt below which a disc lies flat
 EXACT_TILT = 0.5 * FLAT_TILT  # sine of the tilt from which on the lowest point is exact
-BEND = 63.0  # of an end that lies on a face of finite size, at `EXACT_TILT` about as much as `BULGE`: see `smooth_rows`
+BEND = 73.0  # of an end that lies on a face of finite size, at `EXACT_TILT` as much as `BULGE`: see `smooth_rows`
+LEVEL_TILT = 0.2 * FLAT_TILT  # sine of the tilt below which such an end is bent less and less
 UNBENT = 0.25  # sine of the tilt of the normal of a crossing against such an end, from which on it is not bent
 BULGE = 31.0  # at `EXACT_TILT` the points beside the lowest one are lower than it: 1 - cos(π / 6) = 0.134
 

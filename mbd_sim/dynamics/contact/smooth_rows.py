@@ -47,7 +47,7 @@ from mbd_sim.dynamics.contact.rows.normal_searches import (
     RoundedSearch,
     unit,
 )
-from mbd_sim.dynamics.contact.shapes import BEND, FLAT_TILT, UNBENT, Touch
+from mbd_sim.dynamics.contact.shapes import BEND, FLAT_TILT, LEVEL_TILT, UNBENT, Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, ContactBody, EllipsoidBody, Solid
@@ -234,7 +234,7 @@ def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, r
     aside = normal - axis * ca.dot(axis, normal)
     square, low = ca.dot(aside, aside), ca.fmax(-ca.dot(aside, point - frame.position), 0.0) ** 2
     rest = ca.fmax(1.0 - square / FLAT_TILT**2, 0.0)
-    bend: ca.SX = BEND * radius * low * low / (radius**4 * square + TINY) * rest**3
+    bend: ca.SX = BEND * radius * low * low / (radius**4 * (square + LEVEL_TILT**2) + TINY) * rest**3
     return bend
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.dynamics.contact.shapes import BEND, EXACT_TILT, FLAT_TILT, POINTS
+from mbd_sim.dynamics.contact.shapes import BEND, EXACT_TILT, FLAT_TILT, LEVEL_TILT, POINTS
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
     divide,
@@ -228,7 +228,7 @@ def bend(body: PlacedRound, corner: int, normal: Array, point: Array) -> float:
     square = dot(fold, fold) / (radius * radius)
     low = max(-dot(fold, arm) / (radius * radius * radius), 0.0)
     rest = max(1.0 - square / (FLAT_TILT * FLAT_TILT), 0.0)
-    return BEND * radius * low * low * low * low / max(square, LEAST) * rest * rest * rest
+    return BEND * radius * low * low * low * low / (square + LEVEL_TILT * LEVEL_TILT) * rest * rest * rest
 
 
 def bend_below(body: PlacedRound, face: int, other: PlacedRound, point: Array) -> float:

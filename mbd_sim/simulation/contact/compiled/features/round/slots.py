@@ -41,7 +41,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     turn_back,
 )
 
-LEANED = 0.1 * FLAT_TILT  # by which an end that lies nearly flat may turn in a step: it is bent the more
+LEANED = 0.05 * FLAT_TILT  # by which an end that lies nearly flat may turn in a step: it is bent the more
 
 
 def is_iterated(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
