@@ -162,6 +162,13 @@ def tilt_at_rim(
     return (dot(normal, toward) - limit) * m.radius[0]
 
 
+def has_long_chord(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
+    """Whether the edge and the rim of a key have a chord both of whose ends can carry the edge."""
+    m = EdgeAtRim(zeros(3), zeros(3), zeros(3), zeros(1), zeros(1))
+    put_edge(m, a, b, key)
+    return abs(share_of(m, toward)) > CROSSED
+
+
 def share_of(m: EdgeAtRim, toward: Array) -> float:
     """The part of a direction along the edge, seen along the axis: at an end of a chord, half of it over the radius."""
     rise = dot(m.direction, m.axis)

@@ -76,6 +76,7 @@ from mbd_sim.simulation.contact.compiled.features.round.rims import (
 )
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
     end_of_chord,
+    has_long_chord,
     is_at_rim,
     meet_at_rim,
     nearest_at_rim,
@@ -181,7 +182,7 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
     b = PlacedRound(
         p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
     )
-    key, normal, toward, count, simple = integers(KEY), zeros(3), zeros(3), integers(1), simple_count(p)
+    key, normal, toward, count, simple, lies = integers(KEY), zeros(3), zeros(3), integers(1), simple_count(p), False
     normals, directions, points = zeros(3 * p.count), zeros(3 * p.count), zeros(3 * p.slots)
     put_round(a, one, other)
     put_round(b, other, other)
@@ -198,7 +199,8 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
         if index >= simple:
             copy(normals[3 * (index - simple) :], normal)
             copy(directions[3 * (index - simple) :], toward)
-            if count[0] > 0 and level(p, a, b, key, normal, toward, FLAT, ITERABLE) < 0.0:
+            lies = level(p, a, b, key, normal, toward, FLAT, ITERABLE) < 0.0
+            if lies and (count[0] > 0 or has_chord(p, a, b, key, toward)):
                 continue
         elif not simple_normal(a, b, key, normal):
             continue
@@ -274,6 +276,22 @@ def level(
             limit = crossed
         return (tilt(a, key[FIRST], normal) - limit) * a.hull.rims[key[FIRST]]
     return math.inf
+
+
+def has_chord(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
+    """Whether a side and a rim have a chord, both of whose ends could carry the side if they are within it."""
+    if has_direction(p, a, b, key):
+        return is_long_chord(p, a, b, key, toward)
+    if key[KIND] == SIDE_CORNER:
+        return is_crossed(a, key[FIRST], b, key[SECOND])
+    return key[KIND] == CORNER_SIDE and is_crossed(b, key[SECOND], a, key[FIRST])
+
+
+def is_long_chord(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
+    """As `has_chord`, where the direction of the rim is known at one of the ends."""
+    if is_at_rim(p, a, b, key):
+        return has_long_chord(a, b, key, toward)
+    return key[KIND] != CORNER_CORNER and tilt_of_side(a, b, key, toward, toward, 0.0) < math.inf
 
 
 def level_at_rim(
@@ -476,11 +494,10 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
         turn_back(b.pose, normal, numbers[22:])
     elif is_crossing(key[KIND]):
         write_chord(a, b, key, numbers)
-    elif key[KIND] in (CORNER_FACE, FACE_CORNER):
-        if is_rim_on_face(a, b, key):
-            simple_normal(a, b, key, normal)
-            meet(p, a, b, key, normal, normal, meeting)
-            write_arm(a, b, key, meeting[POINT:], numbers)
+    elif is_rim_on_face(a, b, key):
+        simple_normal(a, b, key, normal)
+        meet(p, a, b, key, normal, normal, meeting)
+        write_arm(a, b, key, meeting[POINT:], numbers)
 
 
 def stored_normal(a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array, out: Array) -> None:
