@@ -116,7 +116,8 @@ class Touch:
     """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
 
     The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip. All may
-    depend on an `iterated` normal. The distance is less than that of the points that touch by the `lift`.
+    depend on an `iterated` normal. The distance is less than that of the points that touch by the `lift`, along a
+    direction that has a cosine with the normal.
     """
 
     distance: ca.SX
@@ -125,6 +126,7 @@ class Touch:
     sides: tuple[ca.SX, ca.SX]
     iterated: IteratedNormal | None = None
     lift: ca.SX | None = None
+    lift_cosine: ca.SX | float = 1.0
 
 
 def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: int | None = None) -> Touch:

@@ -113,36 +113,31 @@ def smooth_touch(
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free + crossed
     place, seen = at - arms[0] - radii[0] * normal, other + arms[1] + radii[1] * normal
-    own = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two)
+    along = ca.SX(3, 1)
     if crossing is not None:
-        assert end is not None
-        own += crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
+        along = crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
         distance -= crossed * ca.dot(normal, crossing.arm if end else -crossing.arm)
-    spot, whole = on_second * other + (1.0 - on_second) * at, ca.SX(1)
-    if crossing is not None:
-        assert end is not None
-        spot += crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
-        cosine = ca.dot(crossing.normal, axis)
-        whole = ca.fmax(1.0 - crossed * (1.0 - cosine * cosine) / UNBENT**2, 0.0) ** 3
-    bends = [
-        _bend(bodies[k], frames[k], frames[1 - k].rotation @ numbers[6 + 3 * k : 9 + 3 * k], spot, numbers[28 + k])
-        for k in (0, 1)
-    ]
-    lift = whole * (bends[0] + bends[1])
+    spot = on_second * other + (1.0 - on_second) * at + along
+    lift, cosine = _lift(bodies, frames, numbers, spot, crossing)
+    own = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two) + along
     one = ca.cross(side, normal)
     one /= ca.sqrt(ca.dot(one, one) + TINY)
     point = on_second * seen + (1.0 - on_second) * own
-    gap = distance - lift + (1.0 - used) * length
-    return Touch(gap, normal, point, (one, ca.cross(normal, one)), iterated, lift)
+    gap = distance - cosine * lift + (1.0 - used) * length
+    return Touch(gap, normal, point, (one, ca.cross(normal, one)), iterated, lift, cosine)
 
 
 @dataclass(frozen=True, eq=False)
 class _Crossing:
-    """Where an edge crosses a rim: `along` the edge, on the `arm` (3,) of the rim; the `normal` (3,) leaves the end."""
+    """Where an edge crosses a rim: `along` the edge, on the `arm` (3,) of the rim; the `normal` (3,) leaves the end.
+
+    Its `cosine` with the axis is 1 in slots without a crossing.
+    """
 
     along: ca.SX
     arm: ca.SX
     normal: ca.SX
+    cosine: ca.SX
 
 
 def _axis(body: ContactBody, frame: SymbolicPose) -> ca.SX:
@@ -223,7 +218,26 @@ def _crossing(line: ca.SX, edge: ca.SX, axis: ca.SX, radius: ca.SX, sign: ca.SX,
     along = (sign * root - half) / square
     arm = flat + along * level
     across = ca.cross(ca.cross(axis, arm), edge)
-    return _Crossing(along, arm, -sign * across / ca.sqrt(ca.dot(across, across) + TINY))
+    normal = -sign * across / ca.sqrt(ca.dot(across, across) + TINY)
+    return _Crossing(along, arm, normal, 1.0 + used * (ca.dot(normal, axis) - 1.0))
+
+
+def _lift(
+    bodies: tuple[ContactBody, ContactBody],
+    frames: tuple[SymbolicPose, SymbolicPose],
+    numbers: ca.SX,
+    point: ca.SX,
+    crossing: _Crossing | None,
+) -> tuple[ca.SX, ca.SX]:
+    """How far in m an end is bent at a point, and the cosine of the normal with the direction in which it is."""
+    lift, cosine = ca.SX(1, 1), ca.SX(1)
+    for k in (0, 1):
+        normal = frames[1 - k].rotation @ numbers[6 + 3 * k : 9 + 3 * k]
+        lift += _bend(bodies[k], frames[k], normal, point, numbers[28 + k])
+    if crossing is not None:
+        cosine = crossing.cosine
+        lift *= ca.fmax(1.0 - (1.0 - cosine * cosine) / UNBENT**2, 0.0) ** 3
+    return lift, cosine
 
 
 def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, radius: ca.SX) -> ca.SX:

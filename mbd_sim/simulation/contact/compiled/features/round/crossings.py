@@ -109,7 +109,7 @@ def crossing(edge: PlacedRound, side: int, end: PlacedRound, face: int, sign: in
         return False
     scale(-sign / size, normal, normal)
     cosine = dot(normal, axis)
-    out[GAP] = height * cosine - bend_at_crossing(end, face, edge, out[POINT:], cosine)
+    out[GAP] = (height - bend_at_crossing(end, face, edge, out[POINT:], cosine)) * cosine
     subtract(edge.corners[3 * second :], edge.corners[3 * first :], line)
     out[MARGIN] = min(min(at, size_of(line) - at), found[HALF] - CROSSED * radius)
     out[MARGIN] = min(out[MARGIN], (CROSSING - math.sqrt(max(0.0, 1.0 - cosine * cosine))) * radius)
