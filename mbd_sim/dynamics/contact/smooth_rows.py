@@ -17,16 +17,28 @@ the directions d of sides (6), zero for other features; the radii in m of circle
 point; the cosines k (2); 1 for the way in which the normal is found, and 0 for the other three (4); which of two
 normals two sides have, 1 or -1; 1 if the contact point is on the corner of the second body, and 0 if it is on that of
 the first one, or where both sides cross; the normal or direction (3) in the axes of the second part, or of the first
-one if it is fixed there; a direction across it (3) in the second part; the radii (2) of rims that lie flat, of which
-points protrude (see `shapes`); 1 where a sharp edge crosses a rim; and the key, by which the narrow phase knows what
-touches; 0 is not a key.
+one if it is fixed there; a direction across it (3) in the second part; the radii (2) of round ends that can be bent,
+see below; 1 where a sharp edge crosses a rim; the normal (3) of the face on which an end lies, in the axes of the end,
+when the narrow phase saw it last; and the key, by which the narrow phase knows what touches; 0 is not a key. Of an end
+that can be bent, the normal of the face in the axes of its part is in place of the direction of a side.
 
 Where an edge p + s d crosses a rim with the radius ρ around c, seen along the axis a of this end, its normal is that of
 the edge and the tangent of the rim. With r, the part of p + s d - c across a,
 
-    |r| = ρ,   n = ± (a × r) × d / |(a × r) × d|,   g = a·(p + s d - c) n·a;
+    |r| = ρ,   n = ± (a × r) × d / |(a × r) × d|,   g = (a·(p + s d - c) - b) n·a;
 
 n has the sign opposite to that of the root s. The normal among the numbers is a then, in the part of the end.
+
+A round end that lies nearly flat on a face rests on points that are fixed in its rim, on corners of the face, and where
+edges of the face cross the rim; the lowest point of the rim, which runs around it ever faster, does not count below
+`EXACT_TILT`. That it is not below the face when it counts again, the end is bent toward the face. With the part t of the
+normal of the face across the axis, and with the place x of what touches, from the center of the end, it is by
+
+    b = B ρ w⁴ / (t·t + t₁²) (1 - t·t / t₀²)³,   w = max(0, -t·x / ρ),
+
+and not bent if |t| > t₀, which is `FLAT_TILT`; t₁ is `LEVEL_TILT`. What takes the place of another one is at the same
+place x, so that nothing jumps; and an end that tips over an edge is not bent there. At a crossing b is times
+(1 - m²)³, where m is the sine of the tilt of n against the axis over `UNBENT`.
 
 What rows do not use is known to the narrow phase alone: of a crossing, half of its last chord, among the cosines; of a
 rim on a face, the last direction from its center to the point that touches, among the directions of sides.

@@ -52,7 +52,6 @@ class Lying:
         arms = np.column_stack([corners, heights]) - place
         return min([*above[:, 2], *heights[np.linalg.norm(arms, axis=1) <= RIM]])
 
-
     def touching(self, place):
         """The place (3,) above or below another one at which it touches the face, or None if it touches no face."""
         place = np.array(place)

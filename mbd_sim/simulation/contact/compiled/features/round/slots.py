@@ -108,7 +108,7 @@ def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, me
     if is_rim_on_face(a, b, key):
         write_arm(a, b, key, meeting[POINT:], slot)
     write_bend(p, a, b, key, kind, slot)
-    if is_bent(slot):
+    if can_bend(slot):
         write_lean(a, b, slot)
     slot[SMOOTH_SIZE - 1] = encoded(key)
 
@@ -157,7 +157,7 @@ def write_flat(own: int, radius: float, other: RoundHull, face: int, slot: Array
         copy(other.normals[3 * face :], slot[6 + 3 * own :])
 
 
-def is_bent(numbers: Array) -> bool:
+def can_bend(numbers: Array) -> bool:
     """Whether one of the bodies of a slot has an end that can be bent."""
     return numbers[28] + numbers[29] > 0.0
 
