@@ -8,7 +8,7 @@ faster, and it is not defined where the disc lies flat. Below a small tilt fixed
 beyond the plane of the disc, so that it rests on them, and its lowest point is withdrawn. With the tilt s, the sine of
 the angle between the axis and the normal, points protrude by `BULGE` r s² (1 - x) / (1 + x)², x = (s / `FLAT_TILT`)²:
 the gap is exact where the disc lies flat, and no point touches from `FLAT_TILT` on. Between `EXACT_TILT` and
-`FLAT_TILT` the lowest point leaves the plane. On faces of finite size points protrude in another way: see `smooth_rows`.
+`FLAT_TILT` the lowest point leaves the plane. On a face of finite size they protrude otherwise: see `smooth_rows`.
 """
 
 from __future__ import annotations

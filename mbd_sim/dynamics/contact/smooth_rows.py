@@ -31,8 +31,8 @@ n has the sign opposite to that of the root s. The normal among the numbers is a
 
 A round end that lies nearly flat on a face rests on points that are fixed in its rim, on corners of the face, and where
 edges of the face cross the rim; the lowest point of the rim, which runs around it ever faster, does not count below
-`EXACT_TILT`. That it is not below the face when it counts again, the end is bent toward the face. With the part t of the
-normal of the face across the axis, and with the place x of what touches, from the center of the end, it is by
+`EXACT_TILT`. So that it is not below the face when it counts again, the end is bent toward the face. With the part t of
+the normal of the face across the axis, and with the place x of what touches, from the center of the end, it is by
 
     b = B ρ w⁴ / (t·t + t₁²) (1 - t·t / t₀²)³,   w = max(0, -t·x / ρ),
 

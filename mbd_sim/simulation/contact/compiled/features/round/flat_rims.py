@@ -32,7 +32,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import dot, scale, subtract
 
-BENT = 4e-3  # of a body's reach: more than its ends are bent and lie in faces where they lie nearly flat
+BENT = 4e-3  # of the radius of an end: more than it is bent, and than it lies in a face by, where it lies nearly flat
 THIN = 1e-12  # of a body's reach: the thickness of a disc or a plate, which have none
 
 
@@ -56,7 +56,7 @@ def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: 
     normal, own, least = zeros(3), zeros(2), 0.0
     if kind == FACE_POINT:
         sign, body, other = -1.0, b, a
-    least = min(apart, 0.0) - BENT * body.hull.reach
+    least = min(apart, 0.0) - BENT * body.hull.face_radii[0]
     for face in range(other.hull.faces):
         scale(sign, other.normals[3 * face :], normal)
         height = support(p, a, b, normal)
@@ -138,9 +138,8 @@ def beneath(
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
             meet(p, a, b, key, outward, at, meeting)
             note(meeting[GAP], least, found)
-    for side in range(
-        0 if other.hull.is_curved or p.radius > 0.0 else other.hull.sides
-    ):  # over which a part of the end hangs
+    # Over edges a part of the end may hang.
+    for side in range(0 if other.hull.is_curved or p.radius > 0.0 else other.hull.sides):
         for number in range(2):
             if crossing(other, side, body, face, 2 * number - 1, sign, meeting) and meeting[MARGIN] >= 0.0:
                 note(meeting[GAP], least, found)

@@ -191,7 +191,7 @@ def end_of_side_chord(a: PlacedRound, b: PlacedRound, key: Integers, toward: Arr
 def tilt_of_side(
     a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array, crossed: float
 ) -> float:  # fmt: skip
-    """How far in m a normal is tilted beyond a limit where a round side lies on an end: see `level` in `smooth`."""
+    """How far in m a normal is tilted beyond a limit where a round side lies on an end: see `level` in `flat_sides`."""
     rim, other, corner, side = a, b, key[FIRST], key[SECOND]
     if key[KIND] in (SIDE_CORNER, EDGE_RIM):
         rim, other, corner, side = b, a, key[SECOND], key[FIRST]

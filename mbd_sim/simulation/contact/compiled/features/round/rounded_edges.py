@@ -150,7 +150,7 @@ def meet_at_rim(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, s
 def tilt_at_rim(
     a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array, limit: float, crossed: float
 ) -> float:  # fmt: skip
-    """How far in m the normal is tilted against the axis of the rim beyond a `limit`, a sine: see `level` in `smooth`.
+    """How far in m the normal is tilted against the axis of the rim beyond a `limit`, a sine: see `flat_sides.level`.
 
     :param crossed: the limit for an edge with a chord, of half of this over the radius.
     """
