@@ -133,6 +133,9 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
     for k in range(STARTS if touches_rim(m) else 0):
         if start_of_rims(m, k, at.outward):
             keep_better(m, at, best, toward, normal)
+    if side >= 0:  # the other end of its chord, which may be nearer than the next sample
+        mirror(m, toward, at.outward)
+        keep_better(m, at, best, toward, normal)
     scale(-sign, toward, at.outward)
     copy(at.outward, toward)
     scale(sign, normal, at.normal)
@@ -176,13 +179,11 @@ def end_of_side_chord(a: PlacedRound, b: PlacedRound, key: Integers, toward: Arr
         rim, other, corner, sign, side = b, a, key[SECOND], -1.0, key[FIRST]
     m = RimContact(rim, corner, other, other.hull.ends[2 * side], side, zeros(3), zeros(3))
     at = PointOfRim(zeros(3), zeros(3), zeros(3), zeros(3), zeros(3), zeros(NUMBERS))
-    level = zeros(3)
     nearest_of_rim(a, b, key, toward, normal)
     place_rim(m)
     scale(-sign, toward, at.outward)
     if key[SIGN] * share_of(m, at.outward) < 0.0:  # the other end is nearer
-        along_end(m, level)
-        add(at.outward, -2.0 * dot(level, at.outward), level, at.outward)
+        mirror(m, at.outward, at.outward)
     follow(m, at)
     scale(-sign, at.outward, toward)
     return key[SIGN] * share_of(m, at.outward) > CROSSED
@@ -206,6 +207,13 @@ def share_of(m: RimContact, outward: Array) -> float:
     level = zeros(3)
     along_end(m, level)
     return dot(level, outward)
+
+
+def mirror(m: RimContact, outward: Array, out: Array) -> None:
+    """From one end of a chord of a round side toward the other one, if the side lies level."""
+    level = zeros(3)
+    along_end(m, level)
+    add(outward, -2.0 * dot(level, outward), level, out)
 
 
 def along_end(m: RimContact, out: Array) -> None:
