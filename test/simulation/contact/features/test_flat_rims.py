@@ -89,3 +89,15 @@ def test_an_end_that_touches_does_not_overlap_the_table_where_its_rim_becomes_ex
         seen += 1
         assert lying.lowest(place) >= (-1e-7 if number % 2 == 0 else -4e-4 * RIM)
     assert seen > 20
+
+
+@pytest.mark.parametrize(("kind", "order"), [("disc", 1), ("disc", -1), ("cone", 1)])
+def test_an_end_that_strikes_a_side_of_the_table_is_not_above_its_face(kind, order):
+    """It seemed to be as deep as it was below the face when its rim came to be beneath this by round-off."""
+    chance = np.random.default_rng(5)
+    for _ in range(20):
+        lying = Lying(kind, order, chance, 0.0, 0.9 * FLAT_TILT)
+        reach = RIM * np.sqrt(1.0 - lying.turn[0, 2] ** 2)
+        for apart in (1e-5, -1e-7):
+            place = [HALF[0] + reach + apart, 0.3 * HALF[1], -0.1 * RIM]
+            assert lying.distance(place) == pytest.approx(apart, abs=1e-12)

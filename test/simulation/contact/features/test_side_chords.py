@@ -74,6 +74,16 @@ def test_a_side_lies_on_both_ends_of_its_chord_or_on_its_own_end(kind, order):
 
 
 @KINDS
+def test_a_side_touches_the_rim_where_it_does_also_at_a_short_chord(kind, order):
+    """Of a chord shorter than the steps around the rim with which the search begins, the deeper end was not found."""
+    chance, pair = np.random.default_rng(8), SmoothPair(*(ROLLER, ENDS[kind][0])[::order], 8)
+    for _ in range(60):
+        rise, angle = 10.0 ** chance.uniform(-9.0, -0.3), chance.choice([-1, 1]) * chance.uniform(0.0, 1.55)
+        touching = Touching(kind, rise, chance.uniform(-3, 3), angle, chance.uniform(0.1, 0.5))
+        assert abs(pair.distance(*touching.poses(Rotation.random(rng=chance), order))) <= 1e-14
+
+
+@KINDS
 def test_each_end_of_a_chord_is_followed_as_the_side_rises_from_the_other_one(kind, order):
     """From flat on: the side leans against the rim at one end, with the numbers of before."""
     chance, bodies = np.random.default_rng(6), (ROLLER, ENDS[kind][0])[::order]
