@@ -285,7 +285,7 @@ def _gap_of(contact: Contact, touching: Touch, bodies: BodySymbols) -> Gap:
     slip = velocity_at(first, touching.point) - velocity_at(second, touching.point)
     rate = None if iterated is None else ca.dot(touching.normal, slip)
     if rate is not None and touching.lift is not None:
-        rate -= bodies.rate(touching.lift)
+        rate -= touching.lift_cosine * bodies.rate(touching.lift)
     row = ConstraintRow(owner, contact.quantity, touching.distance, rate, normal=iterated)
     directions = (touching.normal, *touching.sides)
     point, normal, *sides = (

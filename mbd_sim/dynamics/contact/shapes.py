@@ -8,7 +8,7 @@ faster, and it is not defined where the disc lies flat. Below a small tilt fixed
 beyond the plane of the disc, so that it rests on them, and its lowest point is withdrawn. With the tilt s, the sine of
 the angle between the axis and the normal, points protrude by `BULGE` r s² (1 - x) / (1 + x)², x = (s / `FLAT_TILT`)²:
 the gap is exact where the disc lies flat, and no point touches from `FLAT_TILT` on. Between `EXACT_TILT` and
-`FLAT_TILT` the lowest point leaves the plane.
+`FLAT_TILT` the lowest point leaves the plane. On a face of finite size they protrude otherwise: see `smooth_rows`.
 """
 
 from __future__ import annotations
@@ -44,6 +44,9 @@ from mbd_sim.mechanism.elements.contacts import (
 POINTS = 6  # of a rim that carry it; in a plane mechanism the two in its plane
 FLAT_TILT = 0.02  # sine of the tilt below which a disc lies flat
 EXACT_TILT = 0.5 * FLAT_TILT  # sine of the tilt from which on the lowest point is exact
+BEND = 73.0  # of an end that lies on a face of finite size, at `EXACT_TILT` as much as `BULGE`: see `smooth_rows`
+LEVEL_TILT = 0.2 * FLAT_TILT  # sine of the tilt below which such an end is bent less and less
+UNBENT = 0.25  # sine of the tilt of the normal of a crossing against such an end, from which on it is not bent
 BULGE = 31.0  # at `EXACT_TILT` the points beside the lowest one are lower than it: 1 - cos(π / 6) = 0.134
 
 
@@ -113,7 +116,8 @@ class Touch:
     """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
 
     The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip. All may
-    depend on an `iterated` normal. The distance is less than that of the points that touch by the `lift`.
+    depend on an `iterated` normal. The distance is less than that of the points that touch by the `lift`, along a
+    direction that has a cosine with the normal.
     """
 
     distance: ca.SX
@@ -122,6 +126,7 @@ class Touch:
     sides: tuple[ca.SX, ca.SX]
     iterated: IteratedNormal | None = None
     lift: ca.SX | None = None
+    lift_cosine: ca.SX | float = 1.0
 
 
 def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: int | None = None) -> Touch:

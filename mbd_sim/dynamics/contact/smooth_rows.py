@@ -17,16 +17,28 @@ the directions d of sides (6), zero for other features; the radii in m of circle
 point; the cosines k (2); 1 for the way in which the normal is found, and 0 for the other three (4); which of two
 normals two sides have, 1 or -1; 1 if the contact point is on the corner of the second body, and 0 if it is on that of
 the first one, or where both sides cross; the normal or direction (3) in the axes of the second part, or of the first
-one if it is fixed there; a direction across it (3) in the second part; the radii (2) of rims that lie flat, of which
-points protrude (see `shapes`); 1 where a sharp edge crosses a rim; and the key, by which the narrow phase knows what
-touches; 0 is not a key.
+one if it is fixed there; a direction across it (3) in the second part; the radii (2) of round ends that can be bent,
+see below; 1 where a sharp edge crosses a rim; the normal (3) of the face on which an end lies, in the axes of the end,
+when the narrow phase saw it last; and the key, by which the narrow phase knows what touches; 0 is not a key. Of an end
+that can be bent, the normal of the face in the axes of its part is in place of the direction of a side.
 
 Where an edge p + s d crosses a rim with the radius ρ around c, seen along the axis a of this end, its normal is that of
 the edge and the tangent of the rim. With r, the part of p + s d - c across a,
 
-    |r| = ρ,   n = ± (a × r) × d / |(a × r) × d|,   g = a·(p + s d - c) n·a;
+    |r| = ρ,   n = ± (a × r) × d / |(a × r) × d|,   g = (a·(p + s d - c) - b) n·a;
 
 n has the sign opposite to that of the root s. The normal among the numbers is a then, in the part of the end.
+
+A round end that lies nearly flat on a face rests on points that are fixed in its rim, on corners of the face, and where
+edges of the face cross the rim; the lowest point of the rim, which runs around it ever faster, does not count below
+`EXACT_TILT`. So that it is not below the face when it counts again, the end is bent toward the face. With the part t of
+the normal of the face across the axis, and with the place x of what touches, from the center of the end, it is by
+
+    b = B ρ w⁴ / (t·t + t₁²) (1 - t·t / t₀²)³,   w = max(0, -t·x / ρ),
+
+and not bent if |t| > t₀, which is `FLAT_TILT`; t₁ is `LEVEL_TILT`. What takes the place of another one is at the same
+place x, so that nothing jumps; and an end that tips over an edge is not bent there. At a crossing b is times
+(1 - m²)³, where m is the sine of the tilt of n against the axis over `UNBENT`.
 
 What rows do not use is known to the narrow phase alone: of a crossing, half of its last chord, among the cosines; of a
 rim on a face, the last direction from its center to the point that touches, among the directions of sides; of
@@ -49,12 +61,12 @@ from mbd_sim.dynamics.contact.rows.normal_searches import (
     farthest,
     unit,
 )
-from mbd_sim.dynamics.contact.shapes import Touch, protrusion
+from mbd_sim.dynamics.contact.shapes import BEND, FLAT_TILT, LEVEL_TILT, UNBENT, Touch
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, ContactBody, EllipsoidBody, Solid
 
-SMOOTH_SIZE = 32  # numbers of a slot, of which the last one is the key
+SMOOTH_SIZE = 35  # numbers of a slot, of which the last one is the key
 LEAST = 1e-8  # of the radius of a rim, half of a chord below which this counts as it
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
 
@@ -114,30 +126,32 @@ def smooth_touch(
     arms = [farthest(root, direction)[0] for root, direction in zip(roots, toward, strict=True)]
     distance = ca.dot(normal, line) - ca.dot(normal, arms[0]) - ca.dot(normal, arms[1]) - sum(radii)
     used = on_b + on_a + two + free + crossed
-    lifts = [
-        _lift(body, frame, fixed, numbers[28 + k]) for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))
-    ]
-    lift = lifts[0] + lifts[1]
     place, seen = at - arms[0] - radii[0] * normal, other + arms[1] + radii[1] * normal
-    own = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two)
+    along = ca.SX(3, 1)
     if crossing is not None:
-        assert end is not None
-        own += crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
+        along = crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
         distance -= crossed * ca.dot(normal, crossing.arm if end else -crossing.arm)
+    spot = on_second * other + (1.0 - on_second) * at + along
+    lift, cosine = _lift(bodies, frames, numbers, spot, crossing)
+    own = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two) + along
     one = ca.cross(side, normal)
     one /= ca.sqrt(ca.dot(one, one) + TINY)
     point = on_second * seen + (1.0 - on_second) * own
-    gap = distance - lift + (1.0 - used) * length
-    return Touch(gap, normal, point, (one, ca.cross(normal, one)), iterated, lift)
+    gap = distance - cosine * lift + (1.0 - used) * length
+    return Touch(gap, normal, point, (one, ca.cross(normal, one)), iterated, lift, cosine)
 
 
 @dataclass(frozen=True, eq=False)
 class _Crossing:
-    """Where an edge crosses a rim: `along` the edge, on the `arm` (3,) of the rim; the `normal` (3,) leaves the end."""
+    """Where an edge crosses a rim: `along` the edge, on the `arm` (3,) of the rim; the `normal` (3,) leaves the end.
+
+    Its `cosine` with the axis is 1 in slots without a crossing.
+    """
 
     along: ca.SX
     arm: ca.SX
     normal: ca.SX
+    cosine: ca.SX
 
 
 def _axis(body: ContactBody, frame: SymbolicPose) -> ca.SX:
@@ -218,17 +232,38 @@ def _crossing(line: ca.SX, edge: ca.SX, axis: ca.SX, radius: ca.SX, sign: ca.SX,
     along = (sign * root - half) / square
     arm = flat + along * level
     across = ca.cross(ca.cross(axis, arm), edge)
-    return _Crossing(along, arm, -sign * across / ca.sqrt(ca.dot(across, across) + TINY))
+    normal = -sign * across / ca.sqrt(ca.dot(across, across) + TINY)
+    return _Crossing(along, arm, normal, 1.0 + used * (ca.dot(normal, axis) - 1.0))
 
 
-def _lift(body: ContactBody, frame: SymbolicPose, normal: ca.SX, radius: ca.SX) -> ca.SX:
-    """How far in m a point of a rim of a `radius` protrudes; 0 for other points."""
+def _lift(
+    bodies: tuple[ContactBody, ContactBody],
+    frames: tuple[SymbolicPose, SymbolicPose],
+    numbers: ca.SX,
+    point: ca.SX,
+    crossing: _Crossing | None,
+) -> tuple[ca.SX, ca.SX]:
+    """How far in m an end is bent at a point, and the cosine of the normal with the direction in which it is."""
+    lift, cosine = ca.SX(1, 1), ca.SX(1)
+    for k in (0, 1):
+        normal = frames[1 - k].rotation @ numbers[6 + 3 * k : 9 + 3 * k]
+        lift += _bend(bodies[k], frames[k], normal, point, numbers[28 + k])
+    if crossing is not None:
+        cosine = crossing.cosine
+        lift *= ca.fmax(1.0 - (1.0 - cosine * cosine) / UNBENT**2, 0.0) ** 3
+    return lift, cosine
+
+
+def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, radius: ca.SX) -> ca.SX:
+    """How far in m an end with a `radius` is bent at a point toward a face with a normal; 0 without a radius."""
     if not isinstance(body, Barrel | ConeBody):
         return ca.SX(1, 1)
     axis = ca.sparsify(frame.rotation @ constant(body.axis))
     aside = normal - axis * ca.dot(axis, normal)
-    lift: ca.SX = protrusion(1.0, ca.dot(aside, aside)) * radius
-    return lift
+    square, low = ca.dot(aside, aside), ca.fmax(-ca.dot(aside, point - frame.position), 0.0) ** 2
+    rest = ca.fmax(1.0 - square / FLAT_TILT**2, 0.0)
+    bend: ca.SX = BEND * radius * low * low / (radius**4 * (square + LEVEL_TILT**2) + TINY) * rest**3
+    return bend
 
 
 def _across_both(d_a: ca.SX, d_b: ca.SX, k_a: ca.SX, k_b: ca.SX, sign: ca.SX, unused: ca.SX) -> ca.SX:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.dynamics.contact.shapes import BULGE, EXACT_TILT, FLAT_TILT, POINTS
+from mbd_sim.dynamics.contact.shapes import BEND, EXACT_TILT, FLAT_TILT, LEVEL_TILT, POINTS
 from mbd_sim.simulation.contact.compiled.features.vectors import (
     add,
     divide,
@@ -214,18 +214,44 @@ def tilted(body: PlacedRound, corner: int, normal: Array) -> float:
     return (tilt(body, corner, normal) - EXACT_TILT) * body.hull.rims[corner]
 
 
-def protrusion(radius: float, square: float) -> float:
-    """See `shapes.protrusion`."""
-    x = square / (FLAT_TILT * FLAT_TILT)
-    return BULGE * radius * square * (1.0 - x) / ((1.0 + x) * (1.0 + x))
+def bend(body: PlacedRound, corner: int, normal: Array, point: Array) -> float:
+    """How far in m the end with this rim, which lies nearly flat, is bent toward a face at a point: see `smooth_rows`.
+
+    :param normal: that of the face, towards this body.
+    """
+    own, at, fold, arm, radius = zeros(3), zeros(3), zeros(3), zeros(3), body.hull.rims[corner]
+    turn_back(body.pose, normal, own)
+    folded(body, corner, own, fold)
+    place_back(body.pose, point, at)
+    subtract(at, body.hull.corners[3 * corner :], at)
+    folded(body, corner, at, arm)
+    square = dot(fold, fold) / (radius * radius)
+    low = max(-dot(fold, arm) / (radius * radius * radius), 0.0)
+    rest = max(1.0 - square / (FLAT_TILT * FLAT_TILT), 0.0)
+    return BEND * radius * low * low * low * low / (square + LEVEL_TILT * LEVEL_TILT) * rest * rest * rest
 
 
-def point_protrusion(body: PlacedRound, code: int, normal: Array) -> float:
-    """How far in m the point with this number protrudes, if it is one of a rim."""
-    if code % CODES >= POINTS:
+def bend_below(body: PlacedRound, face: int, other: PlacedRound, point: Array) -> float:
+    """How far in m a round end is bent at a point towards the face of a sharp body that is nearly parallel to it."""
+    own = facing(body, face, other)
+    if own < 0:
         return 0.0
-    sine = tilt(body, code // CODES, normal)
-    return protrusion(body.hull.rims[code // CODES], sine * sine)
+    return bend(body, corner_of(body.hull, face), other.normals[3 * own :], point)
+
+
+def facing(body: PlacedRound, face: int, other: PlacedRound) -> int:
+    """The face of a sharp body that is nearest to parallel to a round end; -1 if there is none."""
+    found, least, radius = -1, 0.0, body.hull.face_radii[face]
+    for k in range(other.hull.faces if radius > 0.0 and not other.hull.is_curved else 0):
+        cosine = dot(body.normals[3 * face :], other.normals[3 * k :])
+        if cosine < least:
+            found, least = k, cosine
+    return found
+
+
+def corner_of(hull: RoundHull, face: int) -> int:
+    """The rim of a round end."""
+    return min(face, hull.count - 1)
 
 
 def codes(hull: RoundHull) -> int:

@@ -9,7 +9,15 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, FLAT, PlacedRound, RoundHull, middle
+from mbd_sim.dynamics.contact.shapes import UNBENT
+from mbd_sim.simulation.contact.compiled.features.round.bodies import (
+    CROSSED,
+    FLAT,
+    PlacedRound,
+    RoundHull,
+    bend_below,
+    middle,
+)
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     EDGE_RIM,
     FIRST,
@@ -29,7 +37,7 @@ HINT = 0.1  # rad by which a normal may turn from its hint
 # Sines of the tilt of a normal against the axis of a rim: at most that of a crossing; up to which one is offered; from
 # which on the normal of an edge and a rim is iterated instead; and below which it is not any more. Nearer to the axis,
 # where the support of the rim has a kink, steps from the last normal may lead past the next one.
-CROSSING, STEEP, ITERABLE, LEAST_ITERABLE = 0.5, 0.4, 0.35, 0.25
+CROSSING, STEEP, ITERABLE, LEAST_ITERABLE = 0.5, 0.4, 0.35, UNBENT
 CHANGED = 0.25  # of a chord, by which it may change in a step: its ends run along the rim ever faster as it vanishes
 ALONG, HALF = 0, 1  # of a chord: from the start of the edge to its middle, and half of its length, along the edge
 CHORD_SIZE = 2
@@ -101,12 +109,18 @@ def crossing(edge: PlacedRound, side: int, end: PlacedRound, face: int, sign: in
         return False
     scale(-sign / size, normal, normal)
     cosine = dot(normal, axis)
-    out[GAP] = height * cosine
+    out[GAP] = (height - bend_at_crossing(end, face, edge, out[POINT:], cosine)) * cosine
     subtract(edge.corners[3 * second :], edge.corners[3 * first :], line)
     out[MARGIN] = min(min(at, size_of(line) - at), found[HALF] - CROSSED * radius)
     out[MARGIN] = min(out[MARGIN], (CROSSING - math.sqrt(max(0.0, 1.0 - cosine * cosine))) * radius)
     scale(toward, normal, normal)
     return True
+
+
+def bend_at_crossing(end: PlacedRound, face: int, edge: PlacedRound, point: Array, cosine: float) -> float:
+    """How far in m an end is bent at a crossing; less where the normal is tilted, as an iterated one knows no bend."""
+    rest = max(1.0 - (1.0 - cosine * cosine) / (UNBENT * UNBENT), 0.0)
+    return rest * rest * rest * bend_below(end, face, edge, point)
 
 
 def meet_crossing(a: PlacedRound, b: PlacedRound, key: Integers, out: Array) -> bool:

@@ -10,6 +10,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     CODES,
     PlacedRound,
     codes,
+    corner_of,
     inside,
     lies,
     tilt,
@@ -31,6 +32,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import dot, scale, subtract
 
+BENT = 4e-3  # of the radius of an end: more than it is bent, and than it lies in a face by, where it lies nearly flat
 THIN = 1e-12  # of a body's reach: the thickness of a disc or a plate, which have none
 
 
@@ -51,9 +53,10 @@ def with_flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, apart: float)
 def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: float, found: Array) -> None:
     """Note the gaps of points of rims that lie on faces of the other body; of a thin one, those of the better side."""
     sign, body, other, height, best = 1.0, a, b, 0.0, -math.inf
-    normal, own = zeros(3), zeros(2)
+    normal, own, least = zeros(3), zeros(2), 0.0
     if kind == FACE_POINT:
         sign, body, other = -1.0, b, a
+    least = min(apart, 0.0) - BENT * body.hull.face_radii[0]
     for face in range(other.hull.faces):
         scale(sign, other.normals[3 * face :], normal)
         height = support(p, a, b, normal)
@@ -63,10 +66,9 @@ def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: 
         if height < apart - FLAT_TILT * body.hull.reach:
             continue
         own[0], own[1] = math.inf, 0.0
-        points_of_rims(p, a, b, kind, face, own)
+        points_of_rims(p, a, b, kind, face, least, own)
+        beneath(p, a, b, kind, other.normals[3 * face :], least, own)
         found[1] = max(found[1], own[1])
-        if found[1] > 0.0:
-            beneath(p, a, b, kind, other.normals[3 * face :], own)
         if not is_thin(other):
             found[0] = min(found[0], own[0])
         elif own[0] < math.inf:
@@ -84,7 +86,15 @@ def is_thin(body: PlacedRound) -> bool:
     return abs(dot(line, hull.normals)) <= THIN * hull.reach
 
 
-def points_of_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, face: int, found: Array) -> None:
+def note(gap: float, least: float, found: Array) -> None:
+    """Note a gap, unless bodies that are as far apart as they are must meet elsewhere, as at a side of a block."""
+    if gap >= least:
+        found[0] = min(found[0], gap)
+
+
+def points_of_rims(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, face: int, least: float, found: Array
+) -> None:
     """Note the gaps of points of rims that lie on a face of the other body, and whether one of the rims is flat."""
     sign, body, other = 1.0, a, b
     key, normal, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
@@ -98,14 +108,19 @@ def points_of_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, fa
             if kind == FACE_POINT:
                 key[FIRST], key[SECOND] = face, code
             meet(p, a, b, key, normal, at, meeting)
-            found[0] = min(found[0], meeting[GAP])
-            if tilt(body, code // CODES, normal) < EXACT_TILT:
+            note(meeting[GAP], least, found)
+            if meeting[GAP] >= least and tilt(body, code // CODES, normal) < EXACT_TILT:
                 found[1] = 1.0
 
 
-def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: Array, found: Array) -> None:
-    """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies flat."""
-    sign, body, other, face = 1.0, a, b, 0
+def beneath(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: Array, least: float, found: Array
+) -> None:
+    """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies nearly flat.
+
+    The end lies flat also if it touches nothing else.
+    """
+    sign, body, other, face, sine = 1.0, a, b, 0, 0.0
     key, outward, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
     if kind == FACE_POINT:
         sign, body, other = -1.0, b, a
@@ -113,17 +128,21 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
         if dot(body.normals[3 * k :], normal) < dot(body.normals[3 * face :], normal):
             face = k
     scale(-sign, body.normals[3 * face :], outward)
+    sine = tilt(body, corner_of(body.hull, face), normal)
+    if sine > FLAT_TILT or (found[1] == 0.0 and (p.radius > 0.0 or other.hull.is_curved)):
+        return
     for code in range(codes(other.hull)):
         if code % CODES >= POINTS and lies(other, body, face, code, 1.0, at):
             key[KIND], key[FIRST], key[SECOND] = FACE_POINT, face, code
             if kind == FACE_POINT:
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
             meet(p, a, b, key, outward, at, meeting)
-            found[0] = min(found[0], meeting[GAP])
-    for side in range(0 if other.hull.is_curved else other.hull.sides):  # over which a part of the end hangs
+            note(meeting[GAP], least, found)
+    # Over edges a part of the end may hang.
+    for side in range(0 if other.hull.is_curved or p.radius > 0.0 else other.hull.sides):
         for number in range(2):
             if crossing(other, side, body, face, 2 * number - 1, sign, meeting) and meeting[MARGIN] >= 0.0:
-                found[0] = min(found[0], meeting[GAP])
+                note(meeting[GAP], least, found)
     for corner in range(other.hull.count):
         if not other.hull.curved[corner]:
             key[KIND], key[FIRST], key[SECOND] = FACE_CORNER, face, corner
@@ -131,4 +150,6 @@ def beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: A
                 key[KIND], key[FIRST], key[SECOND] = CORNER_FACE, corner, face
             meet(p, a, b, key, outward, at, meeting)
             if meeting[MARGIN] >= 0.0:
-                found[0] = min(found[0], meeting[GAP])
+                note(meeting[GAP], least, found)
+    if sine < EXACT_TILT and found[0] < math.inf:
+        found[1] = 1.0

@@ -10,12 +10,13 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     CODES,
     CROSSED,
     PlacedRound,
+    bend,
+    bend_below,
     beside,
     farthest,
     inside,
     lead,
     middle,
-    point_protrusion,
     tilt,
     tilted,
 )
@@ -49,7 +50,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
 )
 from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact, meet_rim
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim, meet_at_rim
-from mbd_sim.simulation.contact.compiled.features.vectors import add, copy, divide, dot, size_of, subtract
+from mbd_sim.simulation.contact.compiled.features.vectors import add, copy, divide, dot, scale, size_of, subtract
 
 
 def meet(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, at: Array, out: Array) -> None:
@@ -88,10 +89,15 @@ def meet_fixed(
     p: RoundBodies, body: PlacedRound, code: int, other: PlacedRound, face: int, sign: float, at: Array, out: Array
 ) -> None:
     """A point that is fixed in a body, on a face of the other; the normal times `sign` is that of the face."""
-    base, line = zeros(3), zeros(3)
+    base, line, outward = zeros(3), zeros(3), zeros(3)
     middle(other, face, base)
     subtract(at, base, line)
-    out[GAP] = sign * dot(out[NORMAL:], line) - p.radius - point_protrusion(body, code, out[NORMAL:])
+    scale(sign, out[NORMAL:], outward)
+    out[GAP] = dot(outward, line) - p.radius
+    if code % CODES < POINTS:
+        out[GAP] -= bend(body, code // CODES, outward, at)
+    elif p.radius == 0.0:
+        out[GAP] -= bend_below(other, face, body, at)
     out[MARGIN] = inside(other, face, at)
     copy(at, out[POINT:])
     if code % CODES >= POINTS:  # the middle of a chord, until the ends of this can carry the edge
@@ -109,6 +115,8 @@ def meet_face(
     middle(other, face, base)
     subtract(out[POINT:], base, line)
     out[GAP] = sign * dot(normal, line) - p.radius
+    if p.radius == 0.0 and not body.hull.is_curved:
+        out[GAP] -= bend_below(other, face, body, out[POINT:])
     out[MARGIN] = min(inside(other, face, out[POINT:]), tilted(body, corner, normal))
 
 

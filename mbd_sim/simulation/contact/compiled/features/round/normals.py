@@ -32,7 +32,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 
 CORNER_FACE, FACE_CORNER, SIDE_SIDE, SIDE_CORNER = 0, 1, 2, 3
 CORNER_SIDE, CORNER_CORNER, POINT_FACE, FACE_POINT = 4, 5, 6, 7
-EDGE_RIM, RIM_EDGE = 8, 9  # a sharp edge that crosses the rim of a round end: see `crossings`
+EDGE_RIM, RIM_EDGE = 8, 9  # an edge or a round side that crosses the rim of an end: see `crossings` and `rims`
 PARALLEL = 1e-9  # sine of the angle below which directions count as parallel
 ITERATIONS, HALVINGS = 15, 6
 CONVERGED = 1e-9  # change of a normal, after which it is exact to round-off

@@ -150,7 +150,7 @@ def meet_at_rim(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, s
 def tilt_at_rim(
     a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array, limit: float, crossed: float
 ) -> float:  # fmt: skip
-    """How far in m the normal is tilted against the axis of the rim beyond a `limit`, a sine: see `level` in `smooth`.
+    """How far in m the normal is tilted against the axis of the rim beyond a `limit`, a sine: see `flat_sides.level`.
 
     :param crossed: the limit for an edge with a chord, of half of this over the radius.
     """
@@ -160,6 +160,13 @@ def tilt_at_rim(
     if share > CROSSED:
         limit = crossed * share
     return (dot(normal, toward) - limit) * m.radius[0]
+
+
+def has_long_chord(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
+    """Whether the edge and the rim of a key have a chord both of whose ends can carry the edge."""
+    m = EdgeAtRim(zeros(3), zeros(3), zeros(3), zeros(1), zeros(1))
+    put_edge(m, a, b, key)
+    return abs(share_of(m, toward)) > CROSSED
 
 
 def share_of(m: EdgeAtRim, toward: Array) -> float:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.dynamics.contact.shapes import POINTS
+from mbd_sim.dynamics.contact.shapes import FLAT_TILT, POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
 from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT, PASSED, SLANTED
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound
-from mbd_sim.simulation.contact.compiled.features.round.chords import is_end_of_chord
+from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound, RoundHull, facing
 from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD, half_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
@@ -28,12 +27,15 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     SIGN,
     RoundBodies,
 )
+from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import is_at_rim
 from mbd_sim.simulation.contact.compiled.features.vectors import (
+    add,
     copy,
     cross,
     distance_of,
     divide,
+    dot,
     least_axis,
     place_back,
     size_of,
@@ -42,15 +44,17 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     turn_back,
 )
 
+LEANED = 0.05 * FLAT_TILT  # by which an end that lies nearly flat may turn in a step: it is bent the more
+
 
 def is_iterated(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
     """Whether what a pair of features has in place of a fixed normal is iterated by its row."""
-    return key[KIND] in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or is_round_chord(p, a, b, key)
+    return key[KIND] in (SIDE_CORNER, CORNER_SIDE, CORNER_CORNER) or has_direction(p, a, b, key)
 
 
-def is_round_chord(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
-    """Whether the features of a key are a rim and what is round on it, an edge or a side, at the end of its chord."""
-    return is_crossing(key[KIND]) and (is_at_rim(p, a, b, key) or is_end_of_chord(a, b, key))
+def has_direction(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether the direction from the center of a rim is iterated in place of a normal."""
+    return is_at_rim(p, a, b, key) or is_rim_contact(a, b, key)
 
 
 def is_crossing(kind: int) -> bool:
@@ -74,8 +78,8 @@ def decode(number: int, key: Integers) -> None:
 def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
     """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`."""
     kind, own, mode = key[KIND], zeros(3), ITERATED
-    if is_round_chord(p, a, b, key):  # its row is that of any side and corner
-        kind = SIDE_CORNER if kind == EDGE_RIM else CORNER_SIDE
+    if is_crossing(kind) and has_direction(p, a, b, key):  # its row is that of any side and corner
+        kind = SIDE_CORNER if kind in (SIDE_CORNER, EDGE_RIM) else CORNER_SIDE
     for k in range(SMOOTH_SIZE):
         slot[k] = 0.0
     is_side, is_face = kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), kind in (FACE_CORNER, FACE_POINT, RIM_EDGE)
@@ -108,6 +112,9 @@ def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, me
         copy(a.hull.normals[3 * key[FIRST] :], slot[22:])
     if is_rim_on_face(a, b, key):
         write_arm(a, b, key, meeting[POINT:], slot)
+    write_bend(p, a, b, key, kind, slot)
+    if can_bend(slot):
+        write_lean(a, b, slot)
     slot[SMOOTH_SIZE - 1] = encoded(key)
 
 
@@ -123,8 +130,6 @@ def write_body(
         slot[14 + own] = hull.cosines[feature]
     if is_point:
         place_back(body.pose, meeting[POINT:], at)
-        if feature % CODES < POINTS:
-            slot[28 + own] = hull.rims[feature // CODES]
     elif is_face:
         copy(hull.centers[3 * feature :], at)
         if is_crossing(kind):
@@ -145,6 +150,62 @@ def room_along(a: PlacedRound, b: PlacedRound, key: Integers, point: Array, numb
     one = distance_of(a.corners[3 * a.hull.ends[i] :], a.corners[3 * a.hull.ends[i + 1] :])
     other = distance_of(b.corners[3 * b.hull.ends[j] :], b.corners[3 * b.hull.ends[j + 1] :])
     return PASSED * min(one, other) - distance_of(place, numbers[22:])
+
+
+def write_bend(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, kind: int, slot: Array) -> None:
+    """The radius of an end that lies nearly flat on a face, and the normal of this face: see `bend` in `bodies`."""
+    i, j = key[FIRST], key[SECOND]
+    if kind == POINT_FACE and i % CODES < POINTS:
+        write_flat(0, a.hull.rims[i // CODES], b.hull, j, slot)
+    elif kind == FACE_POINT and j % CODES < POINTS:
+        write_flat(1, b.hull.rims[j // CODES], a.hull, i, slot)
+    elif p.radius > 0.0:
+        return
+    elif kind in (CORNER_FACE, POINT_FACE, EDGE_RIM):
+        write_flat(1, b.hull.face_radii[j], a.hull, facing(b, j, a), slot)
+    elif kind in (FACE_CORNER, FACE_POINT, RIM_EDGE):
+        write_flat(0, a.hull.face_radii[i], b.hull, facing(a, i, b), slot)
+
+
+def write_flat(own: int, radius: float, other: RoundHull, face: int, slot: Array) -> None:
+    """Write the radius of an end and the normal of a face of the other body, if there is one."""
+    if face >= 0:
+        slot[28 + own] = radius
+        copy(other.normals[3 * face :], slot[6 + 3 * own :])
+
+
+def can_bend(numbers: Array) -> bool:
+    """Whether one of the bodies of a slot has an end that can be bent."""
+    return numbers[28] + numbers[29] > 0.0
+
+
+def write_lean(a: PlacedRound, b: PlacedRound, slot: Array) -> None:
+    """Write the present normal of the face on which an end lies, in the axes of the body with this end."""
+    lean(a, b, slot, slot[31:])
+
+
+def lean(a: PlacedRound, b: PlacedRound, numbers: Array, out: Array) -> None:
+    """The normal of the face on which an end lies, in the axes of the body with this end."""
+    normal = zeros(3)
+    if numbers[28] > 0.0:
+        turn(b.pose, numbers[6:], normal)
+        turn_back(a.pose, normal, out)
+    else:
+        turn(a.pose, numbers[9:], normal)
+        turn_back(b.pose, normal, out)
+
+
+def lean_left(a: PlacedRound, b: PlacedRound, numbers: Array) -> float:
+    """The sine by which an end that can be bent may still turn: up to where it begins or ceases to be, or little."""
+    now, aside, known, axis = zeros(3), zeros(3), numbers[31:], a.hull.normals
+    if not numbers[28] > 0.0:
+        axis = b.hull.normals
+    lean(a, b, numbers, now)
+    add(known, -dot(axis, known), axis, aside)
+    was_flat = size_of(aside) < FLAT_TILT
+    add(now, -dot(axis, now), axis, aside)
+    left = size_of(aside) - FLAT_TILT
+    return min(-left, LEANED - distance_of(now, known)) if was_flat else left
 
 
 def chord_at(key: Integers) -> int:

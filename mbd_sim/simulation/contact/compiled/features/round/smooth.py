@@ -16,16 +16,11 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     FLAT,
     PlacedRound,
     codes,
+    facing,
     lies,
     put_round,
-    tilt,
 )
-from mbd_sim.simulation.contact.compiled.features.round.chords import (
-    end_of_side,
-    is_end_of_chord,
-    is_side_at_rim,
-    tilt_of_side,
-)
+from mbd_sim.simulation.contact.compiled.features.round.chords import end_of_side, is_end_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     CHANGED,
     FREE,
@@ -41,12 +36,11 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     crossings_gap,
     face_of,
     half_of_chord,
-    is_at_middle,
-    is_crossed,
     is_steep,
     meet_crossing,
 )
 from mbd_sim.simulation.contact.compiled.features.round.flat_rims import with_flat_rims
+from mbd_sim.simulation.contact.compiled.features.round.flat_sides import has_chord, level
 from mbd_sim.simulation.contact.compiled.features.round.meetings import meet
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
@@ -73,7 +67,11 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     start_direction,
     support,
 )
-from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact, meet_rim, nearest_of_rim
+from mbd_sim.simulation.contact.compiled.features.round.rims import (
+    is_rim_contact,
+    meet_rim,
+    nearest_of_rim,
+)
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
     end_of_chord,
     is_at_rim,
@@ -83,16 +81,19 @@ from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
 )
 from mbd_sim.simulation.contact.compiled.features.round.slots import (
     arm_of,
+    can_bend,
     chord_at,
     decode,
+    has_direction,
     is_crossing,
     is_iterated,
     is_rim_on_face,
-    is_round_chord,
+    lean_left,
     room_along,
     stored_arm,
     write_arm,
     write_chord,
+    write_lean,
     write_slot,
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import (
@@ -180,7 +181,7 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
     b = PlacedRound(
         p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
     )
-    key, normal, toward, count, simple = integers(KEY), zeros(3), zeros(3), integers(1), simple_count(p)
+    key, normal, toward, count, simple, lies = integers(KEY), zeros(3), zeros(3), integers(1), simple_count(p), False
     normals, directions, points = zeros(3 * p.count), zeros(3 * p.count), zeros(3 * p.slots)
     put_round(a, one, other)
     put_round(b, other, other)
@@ -197,7 +198,8 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
         if index >= simple:
             copy(normals[3 * (index - simple) :], normal)
             copy(directions[3 * (index - simple) :], toward)
-            if count[0] > 0 and level(p, a, b, key, normal, toward, FLAT, ITERABLE) < 0.0:
+            lies = level(p, a, b, key, normal, toward, FLAT, ITERABLE) < 0.0
+            if lies and (count[0] > 0 or has_chord(p, a, b, key, normal, toward)):
                 continue
         elif not simple_normal(a, b, key, normal):
             continue
@@ -241,56 +243,14 @@ def better_crossing(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integer
             copy(meeting, normal)
 
 
-def level(
-    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array, limit: float,
-    crossed: float,
-) -> float:  # fmt: skip
-    """In m, negative where an edge lies on the end of a body so flat that it has no normal of its own at the rim.
-
-    There the support of the rim has no derivative; its crossings, or points of edges and the corners on this end, carry
-    the edge.
-
-    :param limit: the sine of the angle up to which it lies flat; `crossed` is that of edges with crossings.
-    """
-    if is_round_chord(p, a, b, key):
-        return math.inf
-    if is_side_at_rim(a, b, key):
-        return tilt_of_side(a, b, key, normal, toward, limit)
-    if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]] and b.hull.curved[key[SECOND]]:
-        if is_at_middle(a, key[FIRST], b, key[SECOND]):
-            return -b.hull.rims[key[SECOND]]
-        if p.radius > 0.0:
-            return level_at_rim(p, a, b, key, normal, toward, limit, crossed)
-        if is_crossed(a, key[FIRST], b, key[SECOND]):
-            limit = crossed
-        return (tilt(b, key[SECOND], normal) - limit) * b.hull.rims[key[SECOND]]
-    if key[KIND] == CORNER_SIDE and not b.hull.ruled[key[SECOND]] and a.hull.curved[key[FIRST]]:
-        if is_at_middle(b, key[SECOND], a, key[FIRST]):
-            return -a.hull.rims[key[FIRST]]
-        if p.radius > 0.0:
-            return level_at_rim(p, a, b, key, normal, toward, limit, crossed)
-        if is_crossed(b, key[SECOND], a, key[FIRST]):
-            limit = crossed
-        return (tilt(a, key[FIRST], normal) - limit) * a.hull.rims[key[FIRST]]
-    return math.inf
-
-
-def level_at_rim(
-    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array, limit: float,
-    crossed: float,
-) -> float:  # fmt: skip
-    """As `level`, of a rounded edge; an ellipsoid has no rim."""
-    return tilt_at_rim(a, b, key, normal, toward, limit, crossed) if is_at_rim(p, a, b, key) else math.inf
-
-
 def consider_crossings(
     p: RoundBodies, a: PlacedRound, b: PlacedRound, bottom: float, top: float, slots: Array, points: Array,
     count: Integers,
 ) -> None:  # fmt: skip
-    """Write the slots of sharp edges that cross the rims of round ends on which they lie, nearly or entirely."""
+    """Write the slots of edges and sides that cross the rims of round ends on which they lie, nearly or entirely."""
     key = integers(KEY)
-    consider_chord(p, a, b, EDGE_RIM, bottom, top, slots, points, count)
-    consider_chord(p, a, b, RIM_EDGE, bottom, top, slots, points, count)
+    consider_chords(p, a, b, EDGE_RIM, bottom, top, slots, points, count)
+    consider_chords(p, a, b, RIM_EDGE, bottom, top, slots, points, count)
     if p.radius > 0.0:
         return
     key[KIND] = EDGE_RIM
@@ -310,17 +270,30 @@ def consider_crossing(
     top: float, slots: Array, points: Array, count: Integers,
 ) -> None:  # fmt: skip
     """Write the slots of both ends of the chord of an edge across a round end, unless it is on the other side."""
-    normal, meeting = zeros(3), zeros(MEETING)
+    normal, meeting, apart = zeros(3), zeros(MEETING), -math.inf
+    if key[KIND] == EDGE_RIM:
+        apart = apart_at(p, a, b, facing(b, key[SECOND], a), a, -1.0)
+    else:
+        apart = apart_at(p, a, b, facing(a, key[FIRST], b), b, 1.0)
     for number in range(2):
         key[SIGN] = 2 * number - 1
         if not meet_crossing(a, b, key, meeting) or is_steep(axis, meeting):
             continue
-        if support(p, a, b, meeting[NORMAL:]) >= bottom - OTHER_SIDE * p.reach:
+        if max(apart, support(p, a, b, meeting[NORMAL:])) >= bottom - OTHER_SIDE * p.reach:
             scale(toward, axis, normal)
             consider(p, a, b, key, normal, normal, bottom, top, slots, points, count)
 
 
-def consider_chord(
+def apart_at(p: RoundBodies, a: PlacedRound, b: PlacedRound, face: int, body: PlacedRound, sign: float) -> float:
+    """s(n) of the normal of a face of one of the bodies, times a sign."""
+    normal = zeros(3)
+    if face < 0:
+        return -math.inf
+    scale(sign, body.normals[3 * face :], normal)
+    return support(p, a, b, normal)
+
+
+def consider_chords(
     p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, bottom: float, top: float, slots: Array, points: Array,
     count: Integers,
 ) -> None:  # fmt: skip
@@ -387,7 +360,7 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
     put_round(a, one, other)
     put_round(b, other, other)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
-    if is_at_rim(p, a, b, key) or is_rim_contact(a, b, key):
+    if has_direction(p, a, b, key):
         turn(b.pose, numbers[22:], at)
     elif not is_crossing(key[KIND]):
         stored_normal(a, b, key, numbers, normal)
@@ -418,6 +391,8 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
         stored_arm(a, b, key, numbers, stored)
         arm_of(a, b, key, meeting[POINT:], own)
         margin = min(margin, ROLLED - distance_of(own, stored))
+    if can_bend(numbers):
+        margin = min(margin, lean_left(a, b, numbers))
     return margin
 
 
@@ -429,9 +404,11 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
     )
     key, normal, meeting = integers(KEY), zeros(3), zeros(MEETING)
     decode(int(numbers[SMOOTH_SIZE - 1]), key)
+    put_round(a, one, other)
+    put_round(b, other, other)
+    if can_bend(numbers):
+        write_lean(a, b, numbers)
     if is_iterated(p, a, b, key):
-        put_round(a, one, other)
-        put_round(b, other, other)
         if is_at_rim(p, a, b, key):
             turn(b.pose, numbers[22:], normal)
             meet_at_rim(p, a, b, key, normal, meeting)
@@ -444,19 +421,12 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
             stored_normal(a, b, key, numbers, normal)
         turn_back(b.pose, normal, numbers[22:])
     elif is_crossing(key[KIND]):
-        put_round(a, one, other)
-        put_round(b, other, other)
         write_chord(a, b, key, numbers)
-    elif key[KIND] in (CORNER_FACE, FACE_CORNER):
-        put_round(a, one, other)
-        put_round(b, other, other)
-        if is_rim_on_face(a, b, key):
-            simple_normal(a, b, key, normal)
-            meet(p, a, b, key, normal, normal, meeting)
-            write_arm(a, b, key, meeting[POINT:], numbers)
+    elif is_rim_on_face(a, b, key):
+        simple_normal(a, b, key, normal)
+        meet(p, a, b, key, normal, normal, meeting)
+        write_arm(a, b, key, meeting[POINT:], numbers)
     elif key[KIND] == SIDE_SIDE:
-        put_round(a, one, other)
-        put_round(b, other, other)
         simple_normal(a, b, key, normal)
         meet(p, a, b, key, normal, normal, meeting)
         place_back(b.pose, meeting[POINT:], numbers[22:])
