@@ -136,7 +136,7 @@ def pytest_collection_modifyitems(items):
 
 def pytest_collection_finish():
     gc.freeze()  # nothing of the collection is searched for garbage again
-    gc.set_threshold(100_000, 20, 100)  # the shared builds are many objects, which stay as well
+    gc.set_threshold(1_000_000, 20, 100)  # the shared builds are many objects, which stay as well
     gc.enable()
 
 

@@ -22,9 +22,9 @@ OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--in-process-gpu", "--single-process", "--no-zygote", "--no-first-run",
     "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update",
 )  # fmt: skip
-FLAGS = (  # with which a browser without a GPU draws in three dimensions
+FLAGS = (  # with which a browser without a GPU draws in three dimensions, and only that as a GPU would
     "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--enable-webgl",
-    "--ignore-gpu-blocklist",
+    "--ignore-gpu-blocklist", "--disable-gpu-compositing", "--disable-gpu-rasterization",
 )  # fmt: skip
 REPORTER = b"""<script>window.failures = [];
 addEventListener("error", e => failures.push(e.message || "not loaded: " + (e.target.src || e.target.href)), true);

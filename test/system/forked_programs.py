@@ -26,15 +26,21 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 ROOT = Path(__file__).parents[2]
 PR_SET_PDEATHSIG = 1
 PROGRAMS = ("mbd_sim.ros.node.sim_node", "mbd_sim.ros.replay.replay_node")
-LATER = (
+LATER = (  # what they import
+    "mbd_sim.files.builders.mechanism",
+    "mbd_sim.files.checks.validation",
+    "mbd_sim.simulation.contact.readings",
+    "mbd_sim.simulation.contact.stepper",
     "mbd_sim.simulation.model.builder",
     "mbd_sim.simulation.run.remarks",
     "rosidl_generator_py",
-)  # what they import
+    "type_description_interfaces.msg",
+)
 
 
 class ForkedProcess:
@@ -154,10 +160,26 @@ def _become(program: str, arguments: Sequence[str], folder: str, environment: Ma
     return int(module.main())
 
 
-def main() -> int:
-    """Fork a program for each line on standard input; report its process id, and its exit code when it has ended."""
+def _prepare() -> None:
+    """Import and compute what each node would: modules, their versions, the schema of files, the support of messages."""
     for module in (*PROGRAMS, *LATER):
         importlib.import_module(module)
+    from mbd_sim.base import disk_cache
+    from mbd_sim.files.load import load_mechanism
+
+    disk_cache.versions()
+    disk_cache.casadi_version()
+    with mock.patch.dict(os.environ, {"MBD_SIM_CACHE": "off"}):
+        load_mechanism("four_bar")
+    for name, module in list(sys.modules.items()):
+        if name.endswith((".msg", ".srv")):
+            for kind in vars(module).values():
+                getattr(kind, "__import_type_support__", lambda: None)()
+
+
+def main() -> int:
+    """Fork a program for each line on standard input; report its process id, and its exit code when it has ended."""
+    _prepare()
     inspect.getmodule(sys._getframe())  # a node that logs would search the files of all modules first
     gc.collect()
     gc.freeze()

@@ -136,6 +136,7 @@ def test_a_record_may_read_and_move_what_it_is_made_of(compiled, function):
 
 
 def test_a_callable_keeps_what_it_reads(function):
+    gc.freeze()  # what other tests keep is not searched
     memory = Memory()
     gone, expected = weakref.ref(memory.y), memory.expected(function)
     read = CompiledFunction.of(lambda: function).bound(memory.clock, memory.arrays, (24,))
