@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CROSSED, PlacedRound, tilt
-from mbd_sim.simulation.contact.compiled.features.round.chords import is_side_at_rim, part_of_chord, tilt_of_side
-from mbd_sim.simulation.contact.compiled.features.round.crossings import is_at_middle, is_crossed
+from mbd_sim.simulation.contact.compiled.features.round.bodies import PlacedRound, tilt
+from mbd_sim.simulation.contact.compiled.features.round.chords import (
+    end_of_side_chord,
+    has_long_side_chord,
+    tilt_of_side,
+)
+from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, TOWARD, is_at_middle, is_crossed
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
+    CORNER_CORNER,
     CORNER_SIDE,
     FIRST,
     KIND,
@@ -16,7 +21,13 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     SIDE_CORNER,
     RoundBodies,
 )
-from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import has_long_chord, is_at_rim, tilt_at_rim
+from mbd_sim.simulation.contact.compiled.features.round.rims import is_rim_contact
+from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
+    end_of_chord,
+    has_long_chord,
+    is_at_rim,
+    tilt_at_rim,
+)
 from mbd_sim.simulation.contact.compiled.features.round.slots import has_direction, is_crossing
 
 
@@ -33,8 +44,8 @@ def level(
     """
     if has_direction(p, a, b, key) and is_crossing(key[KIND]):
         return math.inf
-    if is_side_at_rim(a, b, key):
-        return tilt_of_side(a, b, key, normal, toward, limit)
+    if key[KIND] in (SIDE_CORNER, CORNER_SIDE) and is_rim_contact(a, b, key):
+        return tilt_of_side(a, b, key, normal, toward, limit, crossed)
     if key[KIND] == SIDE_CORNER and not a.hull.ruled[key[FIRST]] and b.hull.curved[key[SECOND]]:
         if is_at_middle(a, key[FIRST], b, key[SECOND]):
             return -b.hull.rims[key[SECOND]]
@@ -62,14 +73,33 @@ def level_at_rim(
     return tilt_at_rim(a, b, key, normal, toward, limit, crossed) if is_at_rim(p, a, b, key) else math.inf
 
 
-def has_chord(
-    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: Array, toward: Array
-) -> bool:  # fmt: skip
+def has_chord(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
     """Whether a side and a rim have a chord, both of whose ends could carry the side if they are within it."""
-    if is_at_rim(p, a, b, key):
-        return has_long_chord(a, b, key, toward)
-    if is_side_at_rim(a, b, key):
-        return abs(part_of_chord(a, b, key, normal, toward)) > CROSSED
+    if has_direction(p, a, b, key):
+        return is_long_chord(p, a, b, key, toward)
     if key[KIND] == SIDE_CORNER:
         return is_crossed(a, key[FIRST], b, key[SECOND])
     return key[KIND] == CORNER_SIDE and is_crossed(b, key[SECOND], a, key[FIRST])
+
+
+def is_long_chord(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
+    """As `has_chord`, where the direction of the rim is known at one of the ends."""
+    if is_at_rim(p, a, b, key):
+        return has_long_chord(a, b, key, toward)
+    return key[KIND] != CORNER_CORNER and has_long_side_chord(a, b, key, toward)
+
+
+def is_chord_end(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, toward: Array) -> bool:
+    """The direction of an end of a chord, if there is this one."""
+    if is_at_rim(p, a, b, key):
+        return end_of_chord(a, b, key, toward)
+    return is_rim_contact(a, b, key) and end_of_side_chord(a, b, key, toward)
+
+
+def tilt_over_chord(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, limit: float
+) -> float:
+    """How far in m the normal is tilted against an end beyond a limit, of half of the chord over the radius."""
+    if is_at_rim(p, a, b, key):
+        return tilt_at_rim(a, b, key, meeting[NORMAL:], meeting[TOWARD:], limit, limit)
+    return tilt_of_side(a, b, key, meeting[NORMAL:], meeting[TOWARD:], limit, limit)

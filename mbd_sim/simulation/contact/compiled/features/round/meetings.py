@@ -20,7 +20,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     tilt,
     tilted,
 )
-from mbd_sim.simulation.contact.compiled.features.round.chords import add_chord_margin, is_end_of_chord
+from mbd_sim.simulation.contact.compiled.features.round.chords import add_chord_margin
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     FREE,
     GAP,
@@ -68,7 +68,7 @@ def meet(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, normal: 
         add_own_margins(a, b, kind, i, j, out)
     elif is_rim_contact(a, b, key):
         meet_rim(a, b, key, at, out)
-        if is_end_of_chord(a, b, key):
+        if kind in (EDGE_RIM, RIM_EDGE):
             add_chord_margin(a, b, key, out)
         add_own_margins(a, b, kind, i, j, out)
     elif kind in (EDGE_RIM, RIM_EDGE):

@@ -19,7 +19,13 @@ from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import POINTS
-from mbd_sim.simulation.contact.compiled.features.round.bodies import LEAST, PlacedRound, farthest, folded, is_rim
+from mbd_sim.simulation.contact.compiled.features.round.bodies import (
+    LEAST,
+    PlacedRound,
+    farthest,
+    folded,
+    is_rim,
+)
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     CROSSING,
     FREE,
@@ -111,7 +117,7 @@ def is_rim_contact(a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
 def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array, normal: Array) -> None:
     """The direction in which a rim touches another one, a side or an ellipsoid, and the normal: the best ones found."""
     rim, other, corner, opposite, sign, side = a, b, key[FIRST], key[SECOND], 1.0, -1
-    if key[KIND] == SIDE_CORNER or not is_rim(a, key[FIRST]):
+    if key[KIND] in (SIDE_CORNER, EDGE_RIM) or not is_rim(a, key[FIRST]):
         rim, other, corner, opposite, sign = b, a, key[SECOND], key[FIRST], -1.0
     if key[KIND] != CORNER_CORNER:
         side, opposite = opposite, other.hull.ends[2 * opposite]

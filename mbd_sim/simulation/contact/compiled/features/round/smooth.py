@@ -20,7 +20,6 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     lies,
     put_round,
 )
-from mbd_sim.simulation.contact.compiled.features.round.chords import end_of_side, is_end_of_chord
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     CHANGED,
     FREE,
@@ -40,7 +39,12 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     meet_crossing,
 )
 from mbd_sim.simulation.contact.compiled.features.round.flat_rims import with_flat_rims
-from mbd_sim.simulation.contact.compiled.features.round.flat_sides import has_chord, level
+from mbd_sim.simulation.contact.compiled.features.round.flat_sides import (
+    has_chord,
+    is_chord_end,
+    level,
+    tilt_over_chord,
+)
 from mbd_sim.simulation.contact.compiled.features.round.meetings import meet
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
@@ -73,11 +77,9 @@ from mbd_sim.simulation.contact.compiled.features.round.rims import (
     nearest_of_rim,
 )
 from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
-    end_of_chord,
     is_at_rim,
     meet_at_rim,
     nearest_at_rim,
-    tilt_at_rim,
 )
 from mbd_sim.simulation.contact.compiled.features.round.slots import (
     arm_of,
@@ -199,7 +201,7 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
             copy(normals[3 * (index - simple) :], normal)
             copy(directions[3 * (index - simple) :], toward)
             lies = level(p, a, b, key, normal, toward, FLAT, ITERABLE) < 0.0
-            if lies and (count[0] > 0 or has_chord(p, a, b, key, normal, toward)):
+            if lies and (count[0] > 0 or has_chord(p, a, b, key, toward)):
                 continue
         elif not simple_normal(a, b, key, normal):
             continue
@@ -304,11 +306,10 @@ def consider_chords(
         for j in range(b.hull.count if kind == EDGE_RIM else b.hull.sides):
             for number in range(2):
                 key[FIRST], key[SECOND], key[SIGN] = i, j, 2 * number - 1
-                if is_at_rim(p, a, b, key) and end_of_chord(a, b, key, toward):
-                    meet(p, a, b, key, normal, toward, meeting)
-                    if tilt_at_rim(a, b, key, meeting[NORMAL:], meeting[TOWARD:], STEEP, STEEP) <= 0.0:
-                        consider(p, a, b, key, normal, toward, bottom, top, slots, points, count)
-                if is_end_of_chord(a, b, key) and end_of_side(a, b, key, toward):
+                if not is_chord_end(p, a, b, key, toward):
+                    continue
+                meet(p, a, b, key, normal, toward, meeting)
+                if tilt_over_chord(p, a, b, key, meeting, STEEP) <= 0.0:
                     consider(p, a, b, key, normal, toward, bottom, top, slots, points, count)
 
 
