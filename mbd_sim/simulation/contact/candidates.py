@@ -34,6 +34,7 @@ RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
 AT_LIMIT = 1.0 - 1e-9  # use of its limit, from which on friction at rest has reached it
 FORCE_ROUND_OFF = 1e-8  # of the largest force, up to which the forces found are those of elastic supports
+BORNE = 1e-10  # of the largest force, up to which a row bears none: it has just become zero, or is about to
 PULL = 1e-9  # of the largest force, beyond which a contact that pulls is not the round-off of one without force
 NEARLY = 1e-3  # of the forces, that friction may lack beside elastic supports: root of `SOFTNESS`
 SOFTEST = 1e-8  # least weight of friction beside the largest one: with the square root of the round-off it is accurate
@@ -307,7 +308,8 @@ class Candidates:
         model, matrix = self._model, self._terms.matrix
         rows = [*closed, *(row for index in sticking for row in model.frictions[index][0])]
         able = {row for index in sticking if self._limit(index, forces) for row in model.frictions[index][0]}
-        shares = [row for row in rows if forces[row] or row in able]
+        least = BORNE * float(np.max(np.abs(forces), initial=0.0))
+        shares = [row for row in rows if abs(forces[row]) > least or row in able]
         basis = best_conditioned(matrix, shares)
         if len(basis) < len(rows):
             basis = independent(matrix, [*basis, *(row for row in rows if row not in shares)])

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mbd_sim import Simulation
+from mbd_sim.simulation.contact.records import ContactChange
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.smooth_rows import ITERATED
 from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
@@ -131,5 +132,6 @@ def test_a_round_body_that_slides_over_an_edge_keeps_its_energy_and_its_momentum
     while simulation.time < 0.5 and simulation.q[2] > -0.1:
         simulation.step(10)
         assert simulation.momentum().linear[1] == pytest.approx(begun, abs=1e-12)
+        assert all(event.change is not ContactChange.BOUND for event in simulation.contact_events)
     assert simulation.contact_event_count > 5
     assert abs(simulation.energies.residual) < 5e-9
