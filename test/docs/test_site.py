@@ -27,6 +27,8 @@ def site(tmp_path_factory):
     options = [
         "-b",
         "html",
+        "-d",  # by default within the site, whose size is checked
+        tmp_path_factory.mktemp("doctrees"),
         "-q",
         "-W",
         "--keep-going",
