@@ -191,6 +191,12 @@ class InstructionList:
         ]
         return result
 
+    def with_one_more(self, name: str) -> InstructionList:
+        """A copy under another name, with one more argument and one more result."""
+        result = copy(self)
+        result._name, result._in, result._out = name, self._in + 1, self._out + 1
+        return result
+
     def name(self) -> str:
         """The function's name."""
         return self._name

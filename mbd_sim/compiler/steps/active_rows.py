@@ -17,9 +17,10 @@ from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Mo
 from mbd_sim.compiler.ir.vectors import load, loop, store
 from mbd_sim.compiler.lists.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.lists.like_operations import Branch
-from mbd_sim.compiler.lists.lowering import instruction_count, lower
+from mbd_sim.compiler.lists.lowering import instruction_count
 from mbd_sim.compiler.lists.packed_lowering import lower_packed
 from mbd_sim.compiler.lists.packing import packed
+from mbd_sim.compiler.lists.repeated_lowering import lower_repeated
 from mbd_sim.compiler.lists.schedule import arranged
 from mbd_sim.compiler.rows.row_factors import Factors, emit_product
 from mbd_sim.compiler.rows.shared_rows import ActiveRows, emit_active_solver
@@ -83,7 +84,7 @@ def emit_solved(
 
     def emitted(called: ca.Function) -> Function:
         known = module.functions.get(called.name())
-        return lower(module, arranged(called, fused=fused), inline=False) if known is None else known
+        return lower_repeated(module, arranged(called, fused=fused), inline=False) if known is None else known
 
     emitted_system, *emitted_results = map(emitted, (function_of_state, *results))
     solve = emit_active_solver(module, f"{name}.solve", active, columns, adds_given=adds_given, watches=watches)
@@ -183,7 +184,7 @@ def emit_event_readers(module: Module, one_sided: OneSidedSystem, attributes: Se
     counts, slots = {"contact_terms": 3}, emit_slot_values(module, one_sided.slots)
     _emit_terms(module, one_sided, slots, attributes)
     for name, function in one_sided.event_readers.items():
-        lowered = lower(module, function, inline=True, as_interpreted=True)
+        lowered = lower_repeated(module, function, inline=True, as_interpreted=True)
         takes_slots = function.n_in() > 1  # and a state
         counts[name] = function.n_in() - takes_slots
         exported = Function(module, FunctionType(VOID, [POINTER] * (counts[name] + 1)), f"read_{name}")
@@ -201,7 +202,7 @@ def emit_event_readers(module: Module, one_sided: OneSidedSystem, attributes: Se
 
 def _emit_terms(module: Module, one_sided: OneSidedSystem, slots: Function, attributes: Sequence[str]) -> None:
     n, terms = one_sided.rows, one_sided.terms
-    lowered = lower(module, terms.function, inline=True, as_interpreted=True)
+    lowered = lower_repeated(module, terms.function, inline=True, as_interpreted=True)
     exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contact_terms")
     exported.attributes = [*attributes]
     b = IRBuilder(exported.append_basic_block("entry"))
@@ -308,7 +309,7 @@ def emit_one_sided(
         rows=rows,
         count=one_sided.guards,
         closed_start=solved(module, "solved_start", contact, [rates, readings], reports_margin=reports, watches=True),
-        open_start=lower(module, open_start, inline)
+        open_start=lower_repeated(module, open_start, inline)
         if packing is None
         else lower_packed(module, open_start, packing, inline),
         first_mode=one_sided.first_mode,

@@ -1,6 +1,7 @@
 """A page of the lab in a real browser, as a test uses it."""
 
 import contextlib
+import re
 import time
 
 import numpy as np
@@ -121,9 +122,16 @@ class AnyPage:
 
     def choose(self, box, option):
         """Try to choose in a list that opens at an element, and may close again or change when the page is drawn."""
-        box.press("ArrowDown")
         with contextlib.suppress(sync_api.TimeoutError):
-            self.page.get_by_role("option", name=option, exact=True).dispatch_event("click", timeout=OPENS)
+            if box.input_value(timeout=AT_ONCE) == option:  # on the page, but it has not been sent
+                self._click_option(box, {"has_not_text": re.compile(f"^{re.escape(option)}$")})
+                self.pause(0.3)
+            self._click_option(box, {"has_text": re.compile(f"^{re.escape(option)}$")})
+
+    def _click_option(self, box, which):
+        """Click the first such option of a list that opens at an element."""
+        box.press("ArrowDown")
+        self.page.get_by_role("option").filter(**which).first.dispatch_event("click", timeout=OPENS)
 
     def select(self, label, option, arrived, what):
         """Choose in a list until this has arrived: of two changes in a short time, the browser sends the last."""
@@ -135,13 +143,17 @@ class AnyPage:
         row = self.page.locator("div", has=self.page.get_by_text(label, exact=True)).last.locator("xpath=..")
         return row.locator("input:not([type=hidden])").last
 
+    def fill(self, field, text):
+        """Write into a field, also what it shows but the page has not sent."""
+        if field.input_value(timeout=AT_ONCE) == text:
+            field.fill("", timeout=AT_ONCE)
+        field.fill(text, timeout=AT_ONCE)
+
     def type(self, label, text):
-        """Type a number beside a slider, also one that the page shows but has not sent."""
+        """Type a number beside a slider."""
         field = self.field(label)
         with contextlib.suppress(sync_api.TimeoutError):
-            if field.input_value(timeout=AT_ONCE) == text:
-                field.fill("", timeout=AT_ONCE)
-            field.fill(text, timeout=AT_ONCE)
+            self.fill(field, text)
             field.press("Enter", timeout=AT_ONCE)
 
     def enter(self, label, text, arrived, what, report=lambda: ""):

@@ -44,7 +44,7 @@ class Controls:
                 aim = handle.min + 0.6 * (handle.max - handle.min)
                 text = f"{aim if abs(aim - handle.value) > handle.step else aim + handle.step:.6f}"
                 with contextlib.suppress(sync_api.TimeoutError):
-                    field.fill(text, timeout=browser_page.AT_ONCE)
+                    self._opened.fill(field, text)
             case "GuiButtonGroupHandle":
                 for option in handle.options:
                     self._opened.button(option)
