@@ -25,6 +25,7 @@ from mbd_sim.compiler.ir.module import (
 )
 
 _COMPARISONS = {"==": "eq", "!=": "ne", "<": "lt", "<=": "le", ">": "gt", ">=": "ge", "uno": "no"}
+ON_STACK = 64_000  # doubles of an array at most: threads have 8 MB
 _LIKELY = {None: None, True: (99, 1), False: (1, 99)}
 
 
@@ -259,11 +260,23 @@ class IRBuilder:
 
     def ret(self, value: Value) -> None:
         """Return a value."""
+        self._free()
         self._terminate(f"ret {value.type} {value.text}")
 
     def ret_void(self) -> None:
         """Return nothing."""
+        self._free()
         self._terminate("ret void")
+
+    def allocate(self, size: int) -> Value:
+        """The address of new doubles that are freed where the function returns; only in its entry block."""
+        bytes_, allocate = integer(8 * size), self.module.declared("malloc", POINTER, [INT])
+        self.block.function.allocated.append(self.call(allocate, [bytes_]))
+        return self.block.function.allocated[-1]
+
+    def _free(self) -> None:
+        for array in self.block.function.allocated:
+            self.call(self.module.declared("free", VOID, [POINTER]), [array])
 
     def _terminate(self, instruction: str) -> None:
         self._lines.append(f"  {instruction}")
@@ -367,11 +380,13 @@ def element(builder: IRBuilder, array: Value, index: int | Value) -> Value:
 def local_array(
     builder: IRBuilder, size: int, *, in_registers: bool = False, aligned: bool = False, name: str = ""
 ) -> Value:
-    """An array of doubles on the stack; only in the entry block of a function.
+    """An array of doubles for one call, on the stack if it is small; only in the entry block of a function.
 
     LLVM keeps one `in_registers`, as far as they suffice, if all of its accesses have constant indices. Vectors of four
     in an `aligned` one lie in a line of the cache each.
     """
     if in_registers:
         return builder.alloca(f"[{max(size, 1)} x {DOUBLE}]")
+    if size > ON_STACK:
+        return builder.allocate(size)
     return builder.alloca(DOUBLE, integer(max(size, 1)), alignment=VECTOR if aligned else 0, name=name)

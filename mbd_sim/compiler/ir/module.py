@@ -88,6 +88,7 @@ class Function:
         self.noalias = False
         self.blocks: list[BasicBlock] = []
         self.numbers = count()  # of values and blocks
+        self.allocated: list[Value] = []  # memory that is freed where it returns
         module.add(name, self)
 
     @property

@@ -13,8 +13,9 @@ from typing import TypeAlias
 import casadi as ca
 
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, local_array, number
+from mbd_sim.compiler.ir.lanes import LaneBuilder
 from mbd_sim.compiler.ir.module import Function, Module, Value
-from mbd_sim.compiler.ir.vectors import load, loop, store
+from mbd_sim.compiler.ir.vectors import LANES, load, loop, store
 from mbd_sim.compiler.lists.instruction_list import (
     Graph,
     InstructionList,
@@ -131,22 +132,25 @@ class _Repeated:
         sources = [self._source(operands) for operands in zip(*family.operands, strict=True)]
         targets = [self._targets(nodes) for nodes in zip(*family.parts, strict=True)]
         rows = _Rows(self._module, f"{name}.rows", [*sources, *(target for each in targets for target in each)])
-        low = Lowering(self._module, b, False, self._as_interpreted)
         part, outside = family.parts[0], family.operands[0]
 
-        def compute(i: Value) -> None:
-            places = rows.of(b, i)
+        def compute(block: Value) -> None:
+            wide = LaneBuilder(b.block, LANES)
+            low = Lowering(self._module, wide, False, self._as_interpreted)
+            places = rows.of(b, block)
             values: dict[int, Value] = {}
             for node, (argument, _) in zip(outside, sources, strict=True):
-                entry = next(places)
-                values[node] = entry if argument is None else load(b, emitted.args[argument], entry)
+                entries = next(places)
+                taken = entries if argument is None else [load(b, emitted.args[argument], entry) for entry in entries]
+                values[node] = taken[0] if len(taken) == 1 else wide.gathered(taken)
             for node, stores in zip(part, targets, strict=True):
                 operation, operands, _ = self._graph.nodes[node]
                 values[node] = low.operation(operation, *[values[operand] for operand in operands])
                 for target, _ in stores:
-                    store(b, values[node], emitted.args[target], next(places))
+                    for lane, entry in enumerate(next(places)):
+                        store(b, wide.lane(wide.widened(values[node]), lane), emitted.args[target], entry)
 
-        loop(b, 0, len(family.parts), compute)
+        loop(b, 0, rows.blocks, compute)
         b.ret_void()
         return emitted
 
@@ -171,24 +175,31 @@ class _Repeated:
 
 
 class _Rows:
-    """A table with a row for each part: where its operands and its results are, and its constants."""
+    """A table with a row for each part: where its operands and its results are, and its constants.
+
+    `LANES` rows are a block; the last one is repeated until the last block is full.
+    """
 
     def __init__(self, module: Module, name: str, columns: Sequence[Column]) -> None:
         self._columns = columns
         self._varying = [column for column in columns if len(set(map(_bits, column[1]))) > 1]
-        rows = zip(*([_bits(entry) for entry in entries] for _, entries in self._varying), strict=True)
-        self._table = module.table(name, [entry for row in rows for entry in row] or [0])
+        rows = list(zip(*([_bits(entry) for entry in entries] for _, entries in self._varying), strict=True))
+        rows += rows[-1:] * (-len(rows) % LANES)
+        self.blocks = len(rows) // LANES
+        self._table = module.table(name, [entry for row in rows for entry in row])
 
-    def of(self, b: IRBuilder, i: Value) -> Iterator[Value]:
-        """The entries of a row, constants as numbers."""
-        row, varying = b.gep(self._table, b.mul(i, integer(len(self._varying))), INT), 0
+    def of(self, b: IRBuilder, block: Value) -> Iterator[list[Value]]:
+        """For each column, the entries of the rows of a block, constants as numbers; one entry if all are equal."""
+        width, varying = len(self._varying), 0
+        first = b.gep(self._table, b.mul(block, integer(LANES * width)), INT)
         for column in self._columns:
             argument, entries = column
-            if varying < len(self._varying) and column is self._varying[varying]:
-                yield b.load(b.gep(row, integer(varying), INT), typ=DOUBLE if argument is None else INT)
+            if varying < width and column is self._varying[varying]:
+                addresses = [b.gep(first, integer(lane * width + varying), INT) for lane in range(LANES)]
+                yield [b.load(address, typ=DOUBLE if argument is None else INT) for address in addresses]
                 varying += 1
             else:
-                yield number(float(entries[0])) if argument is None else integer(int(entries[0]))
+                yield [number(float(entries[0])) if argument is None else integer(int(entries[0]))]
 
 
 def _bits(entry: float) -> int:

@@ -16,7 +16,7 @@ import casadi as ca
 from mbd_sim.compiler.lists.instruction_list import Graph, Node, is_leaf
 
 FEWEST = 4  # parts that are worth a loop
-FEW = (8, 16, 32)  # results or inputs; what saves most is taken
+FEW = (8, 12, 16, 20, 24, 32)  # results or inputs; what saves most is taken
 
 Part: TypeAlias = tuple[int, ...]  # its nodes, in order
 Description: TypeAlias = tuple[tuple[object, ...], ...]
