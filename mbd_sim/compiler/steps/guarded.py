@@ -7,12 +7,13 @@ step is undone and left to the caller.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.builder import DOUBLE, FALSE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.module import BOOL, POINTER, Function, FunctionType, Module, Value
-from mbd_sim.compiler.ir.vectors import copy, for_each, load, loop, store
+from mbd_sim.compiler.ir.vectors import Index, copy, for_each, load, loop, store
 from mbd_sim.compiler.steps.emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.steps.loop import ESTIMATED_EVERY, emit_plain_advance
 
@@ -262,6 +263,7 @@ class _Check:
         self._event: Value = FALSE  # whether a call begins with an event
         self._after = local_array(b, size, in_registers=in_registers)
         self._before = local_array(b, self._kept, in_registers=in_registers)
+        self._found = local_array(b, 1, in_registers=True)
         self.slopes = emitter.vector("start_slopes")
 
     def read(self, t: Value) -> None:
@@ -320,16 +322,16 @@ class _Check:
 
         The same where a slip along two directions has changed too much.
         """
-        b, tolerance, gaps = self._b, self._guards.tolerance, self._guards.gaps
-        units = [1.0] * len(self._negative) if self._negative.start else self._guards.gap_units
-        found = FALSE
-        for index, unit in zip(self._negative, units, strict=True):
-            found = b.or_(found, b.fcmp_unordered("<", load(b, self._after, index), number(-tolerance * unit)))
+        b, tolerance, first = self._b, self._guards.tolerance, self._negative.start
+
+        def is_negative(index: Index) -> Value:
+            limit = number(-tolerance) if first else b.fmul(number(-tolerance), self._unit(index))
+            return b.fcmp_unordered("<", load(b, self._after, shifted(b, index, first)), limit)
+
+        found = self._any(len(self._negative), is_negative)
         for index, slip in enumerate(self._slips):
             found = b.or_(found, b.or_(self._is_stiff(index, h), self._turns(slip, inputs)))
-        turning = FALSE
-        for gap in range(gaps):
-            turning = b.or_(turning, self._turns_back(gap))
+        turning = self._any(self._guards.gaps, self._turns_back)
         before = b.block
         with b.if_then(turning, likely=False):
             grazed = b.or_(found, self._grazes(h))
@@ -345,13 +347,20 @@ class _Check:
         Gaps that are open do not jump. The same where friction could turn a slip by much within the step.
         """
         self.read(t)
-        b, guards, found = self._b, self._guards, FALSE
-        for place, index in enumerate(self._negative if self._negative.start else ()):
-            negative = b.fcmp_unordered("<", load(b, self._after, index), number(-guards.tolerance))
-            if place < guards.gaps:
-                mode = load(b, self._emitter.inputs, guards.first_mode + place)
-                negative = b.and_(negative, b.fcmp_unordered("!=", mode, number(0.0)))
-            found = b.or_(found, negative)
+        b, guards, first = self._b, self._guards, self._negative.start
+
+        def is_negative(index: Index) -> Value:
+            return b.fcmp_unordered("<", load(b, self._after, shifted(b, index, first)), number(-guards.tolerance))
+
+        def is_active(gap: Index) -> Value:
+            mode = load(b, self._emitter.inputs, shifted(b, gap, guards.first_mode))
+            return b.and_(is_negative(gap), b.fcmp_unordered("!=", mode, number(0.0)))
+
+        found = FALSE
+        if first:
+            found = self._any(guards.gaps, is_active)
+            for place in range(guards.gaps, len(self._negative)):
+                found = b.or_(found, is_negative(place))
         for index in range(len(self._slips)):
             found = b.or_(found, self._is_stiff(index, h))
         return found
@@ -362,9 +371,32 @@ class _Check:
         rate = load(b, self._after, self._negative.stop + slip)
         return b.fcmp_unordered(">", b.fmul(h, rate), number(STIFF))
 
-    def _turns_back(self, gap: int) -> Value:
+    def _any(self, count: int, condition: Callable[[Index], Value]) -> Value:
+        """Whether a condition holds for any index: a loop if there are many."""
+        b, found = self._b, FALSE
+        if count <= b.unrolled:
+            for index in range(count):
+                found = b.or_(found, condition(index))
+            return found
+        store(b, number(0.0), self._found, 0)
+
+        def examine(index: Value) -> None:
+            with b.if_then(condition(index), likely=False):
+                store(b, number(1.0), self._found, 0)
+
+        loop(b, 0, count, examine)
+        return b.fcmp_unordered("!=", load(b, self._found, 0), number(0.0))
+
+    def _unit(self, gap: Index) -> Value:
+        units = self._guards.gap_units
+        if isinstance(gap, int):
+            return number(units[gap])
+        bits = struct.unpack(f"<{len(units)}q", struct.pack(f"<{len(units)}d", *units))
+        return load(self._b, self._b.module.table("gap_units", bits), gap)
+
+    def _turns_back(self, gap: Index) -> Value:
         """Whether a gap becomes smaller at the start of the step and larger at its end."""
-        b, slope = self._b, gap + self._guards.gaps
+        b, slope = self._b, shifted(self._b, gap, self._guards.gaps)
         falls = b.fcmp_ordered("<", load(b, self._before, slope), number(0.0))
         return b.and_(falls, b.fcmp_ordered(">", load(b, self._after, slope), number(0.0)))
 
@@ -373,18 +405,22 @@ class _Check:
 
         Small bodies that fly past each other approach and part at full speed, without any curve in between.
         """
-        b, gaps, found = self._b, self._guards.gaps, FALSE
+        b, gaps = self._b, self._guards.gaps
         reach = b.fmul(number(GRAZING), h)
-        for gap in range(gaps):
+
+        def grazes(gap: Index) -> Value:
+            slope_of = shifted(b, gap, gaps)
             (last_gap, last_slope), (value, slope) = (
-                (load(b, values, gap), load(b, values, gap + gaps)) for values in (self._before, self._after)
+                (load(b, values, gap), load(b, values, slope_of)) for values in (self._before, self._after)
             )
             falls = b.fneg(last_slope)
             fastest = b.select(b.fcmp_ordered(">", slope, falls), slope, falls)
             near = b.fcmp_ordered("<", b.fadd(last_gap, value), b.fmul(reach, fastest))
-            open_before = b.fcmp_ordered(">", last_gap, number(self._guards.tolerance * self._guards.gap_units[gap]))
-            found = b.or_(found, b.and_(b.and_(self._turns_back(gap), open_before), near))
-        return found
+            limit = b.fmul(number(self._guards.tolerance), self._unit(gap))
+            open_before = b.fcmp_ordered(">", last_gap, limit)
+            return b.and_(b.and_(self._turns_back(gap), open_before), near)
+
+        return self._any(gaps, grazes)
 
     def _turns(self, slip: tuple[int, int], inputs: Value) -> Value:
         """Whether a slip that slides has changed by more than `TURNING`."""
@@ -401,6 +437,11 @@ class _Check:
         moves = b.fcmp_unordered(">", square(now), number(guards.slow**2))
         too_far = b.fcmp_unordered(">", change, b.fmul(number(TURNING**2), square(was)))
         return b.and_(b.and_(slides, moves), too_far)
+
+
+def shifted(b: IRBuilder, index: Index, by: int) -> Index:
+    """An index behind another one."""
+    return index + by if isinstance(index, int) else b.add(index, integer(by))
 
 
 def is_finite(b: IRBuilder, size: int, y: Value, total: Value) -> Value:
