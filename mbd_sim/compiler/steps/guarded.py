@@ -19,6 +19,7 @@ from mbd_sim.compiler.steps.loop import ESTIMATED_EVERY, emit_plain_advance
 
 TO_EVENT, WHOLE = range(2)  # what to do at an event: end before its step, or undo all steps
 GRAZING = 1.05  # of the step times the larger rate at both ends: the sum of both gaps below which they may have met
+FEW = 40  # guards that are examined one after the other, without a loop
 TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
 STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
 NOT_SIGN = 2**63 - 1  # the bits of a double that are zero in both zeros
@@ -374,7 +375,7 @@ class _Check:
     def _any(self, count: int, condition: Callable[[Index], Value]) -> Value:
         """Whether a condition holds for any index: a loop if there are many."""
         b, found = self._b, FALSE
-        if count <= b.unrolled:
+        if count <= FEW:
             for index in range(count):
                 found = b.or_(found, condition(index))
             return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import resource
 
 import numpy as np
 import pytest
@@ -85,3 +86,24 @@ def test_every_component_is_copied_and_counts_in_what_is_folded(fast):
                 x[place] = value
                 assert call(x.ctypes.data, target.ctypes.data, found.ctypes.data) == 0
             x[place] = 1.0
+
+
+def test_an_array_may_be_larger_than_the_stack_of_a_thread():
+    """As the matrices of eight hundred contacts were, which ended the process."""
+    size, module = 4_000_000, new_module()
+    function = Function(module, FunctionType(VOID, [POINTER]), "far")
+    b = IRBuilder(function.append_basic_block("entry"))
+    first, second = local_array(b, size), local_array(b, size)
+    for place in (0, size - 1):
+        store(b, load(b, function.args[0], 0), first, place)
+        store(b, load(b, first, place), second, place)
+    store(b, load(b, second, size - 1), function.args[0], 1)
+    b.ret_void()
+    code = compile_module(module)
+    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(code.address("far"))
+    numbers = np.array([3.5, 0.0])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for _ in range(300):  # 20 GB if it were not freed, of which each call touches four pages
+        call(numbers.ctypes.data)
+    assert numbers[1] == 3.5
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 4000  # kB; 4,800 if it were not freed
