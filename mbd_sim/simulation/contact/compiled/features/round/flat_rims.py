@@ -22,6 +22,7 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     MEETING,
     height_of,
     is_crossing,
+    is_steep,
     meet_crossing,
 )
 from mbd_sim.simulation.contact.compiled.features.round.meetings import meet
@@ -184,7 +185,8 @@ def beneath(
             key[KIND], key[FIRST], key[SECOND] = EDGE_RIM, side, face
         for number in range(2):
             key[SIGN] = 2 * number - 1
-            if meet_crossing(a, b, key, meeting) and meeting[MARGIN] >= 0.0:
+            is_offered = meet_crossing(a, b, key, meeting) and not is_steep(body.normals[3 * face :], meeting)
+            if is_offered and meeting[MARGIN] >= 0.0:
                 note(p, before, key, height_of(a, b, key, meeting) if before.is_known else meeting[GAP], least, found)
     for corner in range(other.hull.count):
         if not other.hull.curved[corner]:
