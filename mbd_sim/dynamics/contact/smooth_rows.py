@@ -19,8 +19,9 @@ normals two sides have, 1 or -1; 1 if the contact point is on the corner of the 
 the first one, or where both sides cross; the normal or direction (3) in the axes of the second part, or of the first
 one if it is fixed there; a direction across it (3) in the second part; the radii (2) of round ends that can be bent,
 see below; 1 where a sharp edge crosses a rim; the normal (3) of the face on which an end lies, in the axes of the end,
-when the narrow phase saw it last; and the key, by which the narrow phase knows what touches; 0 is not a key. Of an end
-that can be bent, the normal of the face in the axes of its part is in place of the direction of a side.
+when the narrow phase saw it last; the height in m at which a feature was found beneath an end that can be bent, see
+below, or 0; and the key, by which the narrow phase knows what touches; 0 is not a key. Of an end that can be bent, the
+normal of the face in the axes of its part is in place of the direction of a side.
 
 Where an edge p + s d crosses a rim with the radius ρ around c, seen along the axis a of this end, its normal is that of
 the edge and the tangent of the rim. With r, the part of p + s d - c across a,
@@ -39,6 +40,11 @@ the normal of the face across the axis, and with the place x of what touches, fr
 and not bent if |t| > t₀, which is `FLAT_TILT`; t₁ is `LEVEL_TILT`. What takes the place of another one is at the same
 place x, so that nothing jumps; and an end that tips over an edge is not bent there. At a crossing b is times
 (1 - m²)³, where m is the sine of the tilt of n against the axis over `UNBENT`.
+
+The arc of a rim between two of the fixed points is lower than these: up to 0.13 ρ |t|. An edge or a corner of the face
+that arrives under an arc, or is found there as a point leaves the face, is therefore within the end already. It keeps
+the height at which it was found: its gap begins at zero, and it does no work. It is closed as long as it bears, while
+the end cannot sink deeper; as the end comes to lie flat, it opens, and touches at zero when it is found again.
 
 What rows do not use is known to the narrow phase alone: of a crossing, half of its last chord, among the cosines; of a
 rim on a face, the last direction from its center to the point that touches, among the directions of sides; of
@@ -66,7 +72,8 @@ from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, ContactBody, EllipsoidBody, Solid
 
-SMOOTH_SIZE = 35  # numbers of a slot, of which the last one is the key
+SMOOTH_SIZE = 36  # numbers of a slot, of which the last one is the key
+FOUND_AT = 34  # the number of a slot that is the height at which a feature beneath an end was found
 LEAST = 1e-8  # of the radius of a rim, half of a chord below which this counts as it
 FIXED_SECOND, FIXED_FIRST, TWO_SIDES, ITERATED = range(4)  # how the normal is found
 
@@ -251,7 +258,7 @@ def _lift(
     if crossing is not None:
         cosine = crossing.cosine
         lift *= ca.fmax(1.0 - (1.0 - cosine * cosine) / UNBENT**2, 0.0) ** 3
-    return lift, cosine
+    return lift + numbers[FOUND_AT], cosine
 
 
 def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, radius: ca.SX) -> ca.SX:

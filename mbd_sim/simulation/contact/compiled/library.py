@@ -126,6 +126,7 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     polytope_distances.polytope_distance,
     polytopes.polytope_margin,
     polytopes.polytope_touching,
+    smooth.smooth_beyond,
     smooth.smooth_distance,
     smooth.smooth_margin,
     smooth.smooth_renew,

@@ -11,10 +11,12 @@ from dataclasses import dataclass, fields
 from typing import cast
 
 from mbd_sim.compiler.ir.python_kinds import Array, External, Integers, integers, zeros
+from mbd_sim.simulation.contact.compiled.features.polytopes import WITHIN
 from mbd_sim.simulation.contact.compiled.features.vectors import cross, distance_of, dot, place, size_of, subtract
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, read_poses
 
 DISTANCE = External("float", ("int", "Array", "Array"))
+BEYOND = External("float", ("int", "Array", "Array", "Array", "Array"))
 MARGIN = External("float", ("int", "Array", "Array", "Array", "Array"))
 TOUCHING = External("int", ("int", "Array", "Array", "float", "Array"))
 RENEW = External("None", ("int", "Array", "Array", "Array"))
@@ -44,19 +46,22 @@ MEMORY = 22
 class FeaturePair:
     """Two bodies with slots.
 
-    `distance`, `margin`, `touching` and `renew` are the addresses of the functions of their narrow phase, which are
-    given `data` first; `iterates`: see `NarrowPhase`. `first` and `second` are the rows of the poses of their parts;
-    the spheres around them have `centers` (6,) and `radii` (2,). Nothing moves along axes of which `axes` (3,) is 0.
-    Slot k is the gap `gaps` k; it has `size` numbers among the inputs, from `numbers` + k `size` on. The latest
-    distance is remembered in `memory` (`MEMORY`,).
+    `distance`, `beyond`, `margin`, `touching` and `renew` are the addresses of the functions of their narrow phase,
+    which are given `data` first; for the second one, which only some have, see `beyond_gaps`, and for `iterates` and
+    `found_at` see `NarrowPhase`. `first` and `second` are the rows of the poses of their parts; the spheres around them
+    have `centers` (6,) and `radii` (2,). Nothing moves along axes of which `axes` (3,) is 0. Slot k is the gap `gaps`
+    k; it has `size` numbers among the inputs, from `numbers` + k `size` on. The latest distance is remembered in
+    `memory` (`MEMORY`,).
     """
 
     distance: int
+    beyond: int
     margin: int
     touching: int
     renew: int
     data: int
     iterates: bool
+    found_at: int
     first: int
     second: int
     centers: Array
@@ -103,13 +108,21 @@ def distance_at(pair: FeaturePair, places: Array) -> float:
     return DISTANCE(pair.distance, pair.data, one, other)
 
 
-def beyond_gaps(c: Contacts, pair: FeaturePair, inputs: Array, places: Array, readings: Array) -> float:
-    """The distance, less the lowest of the gaps of the closed slots if that is negative."""
-    lowest = 0.0
+def beyond_gaps(c: Contacts, pair: FeaturePair, inputs: Array, before: Array, places: Array, readings: Array) -> float:
+    """The distance, less the lowest of the gaps of the closed slots if that is negative.
+
+    Features that were within each other `before`, by more than round-off, count from how deep they were there.
+    """
+    one, other, one_before, other_before = zeros(POSE), zeros(POSE), zeros(POSE), zeros(POSE)
+    lowest, distance = 0.0, distance_at(pair, places)
     for slot in range(pair.slots):
         if is_closed(c, pair, inputs, slot):
             lowest = min(lowest, readings[1 + pair.gaps[slot]])
-    return distance_at(pair, places) - lowest
+    if distance < -WITHIN * c.accuracy and pair.beyond != 0 and distance_at(pair, before) < -WITHIN * c.accuracy:
+        put(pair, places, one, other)
+        put(pair, before, one_before, other_before)
+        distance = BEYOND(pair.beyond, pair.data, one_before, other_before, one, other)
+    return distance - lowest
 
 
 def area_at(c: Contacts, pair: FeaturePair, inputs: Array, places: Array, area: Array) -> None:

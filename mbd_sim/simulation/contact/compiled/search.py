@@ -173,7 +173,7 @@ def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) ->
     if what == WIDENING:
         return -1.0 if has_widened(c, pair, m.inputs, places) else 1.0
     if what == BESIDE:
-        return beyond_gaps(c, pair, m.inputs, places, readings) + m.offset[0]
+        return beyond_gaps(c, pair, m.inputs, m.places_before, places, readings) + m.offset[0]
     return features_at(c, m, pair, places)
 
 
@@ -353,7 +353,7 @@ def change_of(c: Contacts, m: TrialPart, index: int, end: float, exact: bool) ->
     pair, closed = pair_at(c, index), any_closed(c, pair_at(c, index), m.inputs)
     readings, places = readings_at(c, m, end), places_at(c, m, end)
     area, first = zeros(AREA), NONE
-    last = beyond_gaps(c, pair, m.inputs, places, readings)
+    last = beyond_gaps(c, pair, m.inputs, m.places_before, places, readings)
     note(pair, places, last)
     if not math.isfinite(last):
         m.failed[0] = 1
@@ -362,7 +362,7 @@ def change_of(c: Contacts, m: TrialPart, index: int, end: float, exact: bool) ->
     if last >= 0.0 and features_at(c, m, pair, places) >= 0.0:
         path = ALONG * path_between(pair, m.places_before, places)
         return widened(c, m, index, path, end) if closed else passed(c, m, index, path, end, last)
-    start = beyond_gaps(c, pair, m.inputs, m.places_before, m.before)
+    start = beyond_gaps(c, pair, m.inputs, m.places_before, m.places_before, m.before)
     m.offset[0] = 0.0
     if closed or start <= c.accuracy:
         m.offset[0] = (c.accuracy if closed else DEEPER * c.accuracy) + max(0.0, -start)

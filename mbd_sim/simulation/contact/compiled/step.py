@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.instant.candidate_forces import read_terms, terms_size
+from mbd_sim.simulation.contact.compiled.instant.candidate_forces import length_along, read_terms, terms_size
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     ADVANCE,
     DECIDE,
@@ -26,7 +26,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     slides,
 )
 from mbd_sim.simulation.contact.compiled.instant.impact import impact, return_at_once
-from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, find_modes, is_touching
+from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, STOPPED, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.lengths import LONGER
 from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
@@ -232,9 +232,11 @@ def switch(
     """
     readings, speeds, touched = zeros(readings_size(c)), zeros(c.speeds), integers(c.gaps)
     sliding, is_stop = integers(c.frictions), True
+    read(c, t, y, inputs, readings)
+    if goes_on(c, readings, old, inputs, opening, yielding):
+        return SAME
     if not c.simple:
         return NOT_SIMPLE
-    read(c, t, y, inputs, readings)
     for guard in range(c.guards):
         reached[guard] = readings[guard_at(c, guard)] <= c.tolerance
         is_stop = is_stop and not reached[guard]
@@ -262,6 +264,27 @@ def switch(
         if speeds[i] != y[c.first_speed + i]:
             return CHANGED
     return SAME
+
+
+def goes_on(
+    c: Contacts, readings: Array, old: Array, inputs: Array, opening: Integers, yielding: Integers
+) -> bool:  # fmt: skip
+    """Whether only what closed slots iterate from has changed: the motion goes on with the same contacts.
+
+    Forces of friction can have several solutions, and must not jump to another one there.
+    """
+    rates = readings[rate_at(c, 0) :]
+    for i in range(c.first_feature if c.body_pairs > 0 else 0):
+        if old[i] != inputs[c.first_mode + i]:
+            return False
+    for gap in range(c.gaps):
+        if opening[gap] or (inputs[c.first_mode + gap] == 0.0 and is_touching(c, readings, gap)):
+            return False
+    for k in range(c.frictions):
+        limit = STOPPED * c.row_speeds[c.friction_rows[2 * k]]
+        if yielding[k] or (slides(c, inputs, k) and length_along(c, k, rates) <= limit):
+            return False
+    return c.body_pairs > 0 and not any(readings[guard_at(c, guard)] <= c.tolerance for guard in range(c.guards))
 
 
 def resolve(

@@ -288,5 +288,7 @@ def add_found(pair: FeaturePair, places: Array, tolerance: float, apart: float, 
         if count < pair.slots and not has_key(pair, inputs[pair.numbers :], count, key_of(found, pair.size, k)):
             for i in range(pair.size):
                 inputs[pair.numbers + pair.size * count + i] = found[pair.size * k + i]
+            if pair.found_at >= 0:  # how deep bodies are is corrected after the step
+                inputs[pair.numbers + pair.size * count + pair.found_at] = 0.0
             count += 1
     return count

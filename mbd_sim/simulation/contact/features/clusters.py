@@ -21,6 +21,7 @@ class ClusterOnPlane:
     """A cluster and a plane; at most as many bodies touch at once as there are `slots`."""
 
     iterates = False
+    found_at = -1
 
     def __init__(self, cluster: Cluster, face: Face, slots: int) -> None:
         self.bodies, self._slots, self._face = _cluster_bodies(cluster), slots, face

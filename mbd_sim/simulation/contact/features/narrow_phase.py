@@ -41,10 +41,12 @@ class NarrowPhase(Protocol):
 
     Its results have the same bits on every processor: products and sums of single numbers, no matrix products.
     `bounds` are those of both bodies. `iterates`: rows start an iteration from numbers of closed slots, which are
-    renewed after each step.
+    renewed after each step. Number `found_at` of a slot is negative if its features were found within each other, where
+    its gap was zero; without such numbers it is -1.
     """
 
     iterates: bool
+    found_at: int
     bounds: tuple[Bounds, Bounds]
 
     def distance(self, one: Pose, other: Pose) -> float:
@@ -90,9 +92,17 @@ class CompiledPhase:
     """
 
     def __init__(
-        self, kind: str, record: Any, bounds: tuple[Bounds, Bounds], slots: int, slot_size: int, *, iterates: bool
+        self,
+        kind: str,
+        record: Any,
+        bounds: tuple[Bounds, Bounds],
+        slots: int,
+        slot_size: int,
+        *,
+        iterates: bool,
+        found_at: int = -1,
     ) -> None:
-        self.kind, self.bounds, self.iterates = kind, bounds, iterates
+        self.kind, self.bounds, self.iterates, self.found_at = kind, bounds, iterates, found_at
         self._record, self.packed = record, packed(record)
         self._sizes = slots, slot_size
 
@@ -131,6 +141,7 @@ class PhaseFunctions:
     """The addresses of the functions of a narrow phase, which are given `data`; `alive` must live as long."""
 
     distance: int
+    beyond: int
     margin: int
     touching: int
     renew: int
@@ -156,7 +167,8 @@ def functions_of(phase: NarrowPhase, slots: int, size: int, failures: list[BaseE
             alive.append(prototype(kind.result, kind.arguments)(getattr(functions, name)))
             addresses.append(address_of(alive[-1]))
     distance, margin, touching, renew = addresses
-    return PhaseFunctions(distance, margin, touching, renew, data, (phase, alive))
+    beyond = known.get(f"{phase.kind}_beyond", 0) if isinstance(phase, CompiledPhase) else 0
+    return PhaseFunctions(distance, beyond, margin, touching, renew, data, (phase, alive))
 
 
 class _Callbacks:

@@ -87,11 +87,13 @@ class SlottedPair:
         one, other = self.phase.bounds
         record = FeaturePair(
             functions.distance,
+            functions.beyond,
             functions.margin,
             functions.touching,
             functions.renew,
             functions.data,
             self.phase.iterates,
+            self.phase.found_at,
             self.parts[0],
             self.parts[1],
             np.concatenate([one.center, other.center]),
@@ -169,6 +171,8 @@ class FeaturePairs:
             for slot, each in zip(range(len(pair.gaps)), features.values(), strict=False):
                 first = pair.numbers + slot * pair.size
                 inputs[first : first + pair.size] = each.numbers
+                if pair.phase.found_at >= 0:
+                    inputs[first + pair.phase.found_at] = 0.0
 
     def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
         """The distance of the two bodies in m, by the index of each of their gaps."""

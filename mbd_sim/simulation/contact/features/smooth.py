@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE
+from mbd_sim.dynamics.contact.smooth_rows import FOUND_AT, SMOOTH_SIZE
 from mbd_sim.mechanism.elements.contacts import Curved, Solid
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
@@ -32,7 +32,7 @@ class SmoothPair(CompiledPhase):
             hull_of(bodies[0]), hull_of(bodies[1]), radius, NEAR * reach, reach, slots, len(keys), numbers
         )
         bounds = Bounds(bodies[0].center, bodies[0].reach), Bounds(bodies[1].center, bodies[1].reach)
-        super().__init__("smooth", record, bounds, slots, SMOOTH_SIZE, iterates=True)
+        super().__init__("smooth", record, bounds, slots, SMOOTH_SIZE, iterates=True, found_at=FOUND_AT)
 
 
 def _iterated(one: RoundBody, other: RoundBody, *, rounded: bool) -> list[tuple[int, int, int, int]]:

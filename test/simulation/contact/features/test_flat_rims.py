@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import itertools
+import json
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT
 from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from mbd_sim.simulation.contact.records import ContactChange
 
 HERE, UP, RIM, HALF = Attachment("part", np.zeros(3)), np.array([0.0, 0.0, 1.0]), 0.25, np.array([0.3, 0.2, 0.2])
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF
@@ -101,3 +104,43 @@ def test_an_end_that_strikes_a_side_of_the_table_is_not_above_its_face(kind, ord
         for apart in (1e-5, -1e-7):
             place = [HALF[0] + reach + apart, 0.3 * HALF[1], -0.1 * RIM]
             assert lying.distance(place) == pytest.approx(apart, abs=1e-12)
+
+
+def falling(kind, place, seed):
+    """A round end that falls flat on two of its points, and slides with the arc between them over an edge or corner."""
+    chance = np.random.default_rng([seed, 17])
+    aside, around = chance.uniform(-0.5, 0.5), chance.uniform(-0.5, 0.5)
+    to, around = (HALF[:2], 0.75 + 0.7 * around) if place == "corner" else ([HALF[0], aside * HALF[1]], 0.0)
+    outward, speed = np.array([np.cos(around), np.sin(around)]), chance.uniform(0.2, 0.8)
+    center = to - (RIM + speed * chance.uniform(0.004, 0.01)) * outward
+    tilt, lean = 10 ** chance.uniform(-3.3, -2.3), around + chance.uniform(-0.4, 0.4)
+    turn = Rotation.from_rotvec(tilt * np.array([-np.sin(lean), np.cos(lean), 0.0]))
+    turn *= Rotation.from_rotvec([0.0, 0.0, around + np.pi / 6 + chance.uniform(-0.3, 0.3)])
+    shape = {"type": kind, "radius": RIM, "mass": 1} | ({} if kind == "disc" else {"length": 0.08})
+    above = turn.apply([0.0, 0.0, 0.0 if kind == "disc" else 0.04]) + np.array([*center, 1.05 * RIM * tilt])
+    end = {"type": "free", "between": ["ground", "end"], "position": [*above], "velocity": [*(speed * outward), 0.0]}
+    end |= {"orientation": {"quaternion": [*np.roll(turn.as_quat(), 1)]}}
+    table = {"type": "block", "size": [*(2.0 * HALF)], "at": [0, 0, -HALF[2]], "mass": 1}
+    joints = {"table": {"type": "fixed", "between": ["ground", "table"]}, "end": end}
+    parts = {"end": {"shape": shape}, "table": {"shape": table}}
+    contacts = {"c": {"between": ["end", "table"], "friction": 0.2}}
+    return json.dumps({"mechanism": "falling", "parts": parts, "joints": joints, "contacts": contacts})
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "seed"),
+    [
+        ("disc", "edge", 0),
+        ("disc", "edge", 16),
+        ("cylinder", "edge", 22),
+        ("disc", "corner", 22),
+        ("disc", "corner", 38),
+    ],
+)
+def test_an_end_that_falls_flat_over_an_edge_keeps_its_energy(kind, place, seed):
+    """The arc was within the edge as it came there, and was pushed out, or had events without end."""
+    simulation = Simulation.from_text(falling(kind, place, seed), step=5e-4)
+    simulation.step(50)
+    assert simulation.contact_event_count > 10
+    assert all(event.change is not ContactChange.BOUND for event in simulation.contact_events)
+    assert abs(simulation.energies.residual) < 1e-10

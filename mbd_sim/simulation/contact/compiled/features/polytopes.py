@@ -39,6 +39,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 
 BORDER = 0.5  # of the tolerance, by which a point may be beside its face or edge
 SUPPORT = 4.0  # times the tolerance, by which a body may reach beyond a plane that supports it
+WITHIN = 10.0  # times the tolerance, by which features that touch may be within each other by round-off
 TURNED = 0.5  # sine of the angle between the normal and the stored direction across it, below which that is renewed
 SLANTED, PASSED = 0.5, 0.1  # sine of the angle below which the crossing of edges can run, and how far of them in a step
 TINY = 1e-300

@@ -22,6 +22,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     EDGE_RIM,
     FIRST,
     KIND,
+    RIM_EDGE,
     SECOND,
     SIGN,
     RoundBodies,
@@ -133,6 +134,16 @@ def meet_crossing(a: PlacedRound, b: PlacedRound, key: Integers, out: Array) -> 
         out[GAP], out[MARGIN] = 0.0, -1.0
         scale(1.0 if key[KIND] == EDGE_RIM else -1.0, end_normal(a, b, key), out[NORMAL:])
     return found
+
+
+def is_crossing(kind: int) -> bool:
+    """Whether the features of a kind are an edge and a rim that it crosses."""
+    return kind in (EDGE_RIM, RIM_EDGE)
+
+
+def height_of(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array) -> float:
+    """The gap of features that meet, and of a crossing that along the axis of the end."""
+    return meeting[GAP] / abs(dot(meeting[NORMAL:], end_normal(a, b, key))) if is_crossing(key[KIND]) else meeting[GAP]
 
 
 def half_of_chord(a: PlacedRound, b: PlacedRound, key: Integers) -> float:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.python_kinds import Array, integers, zeros
+from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT, POINTS
 from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     CODES,
@@ -15,42 +16,66 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     lies,
     tilt,
 )
-from mbd_sim.simulation.contact.compiled.features.round.crossings import GAP, MARGIN, MEETING, crossing
+from mbd_sim.simulation.contact.compiled.features.round.crossings import (
+    GAP,
+    MARGIN,
+    MEETING,
+    height_of,
+    is_crossing,
+    is_steep,
+    meet_crossing,
+)
 from mbd_sim.simulation.contact.compiled.features.round.meetings import meet
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_FACE,
+    EDGE_RIM,
     FACE_CORNER,
     FACE_POINT,
     FIRST,
     KEY,
     KIND,
     POINT_FACE,
+    RIM_EDGE,
     SECOND,
     SIGN,
     RoundBodies,
+    simple_normal,
     support,
 )
 from mbd_sim.simulation.contact.compiled.features.vectors import dot, scale, subtract
 
 BENT = 4e-3  # of the radius of an end: more than it is bent, and than it lies in a face by, where it lies nearly flat
+KNOWN = 1e-7  # of the radius of an end, by which a feature may have been beyond its border before
 THIN = 1e-12  # of a body's reach: the thickness of a disc or a plate, which have none
 
 
-def with_flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, apart: float) -> float:
+@dataclass(frozen=True)
+class Before:
+    """Both bodies at an earlier pose; without one `is_known` is False."""
+
+    a: PlacedRound
+    b: PlacedRound
+    is_known: bool
+
+
+def with_flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, before: Before, apart: float) -> float:
     """The distance where rims that lie nearly flat on a face protrude, from that of the bodies without this.
 
-    Below `EXACT_TILT` the gaps of the points that carry them take its place: a rim is lower between its points.
+    Below `EXACT_TILT` the gaps of the points that carry them take its place: a rim is lower between its points. Gaps
+    that were negative `before` count from there.
     """
     found = zeros(2)  # the least gap, and whether a rim lies flat
     found[0] = math.inf
     if a.hull.faces and a.hull.is_curved and b.hull.faces:
-        flat_rims(p, a, b, POINT_FACE, apart, found)
+        flat_rims(p, a, b, before, POINT_FACE, apart, found)
     if b.hull.faces and b.hull.is_curved and a.hull.faces:
-        flat_rims(p, a, b, FACE_POINT, apart, found)
+        flat_rims(p, a, b, before, FACE_POINT, apart, found)
     return found[0] if found[1] > 0.0 else min(apart, found[0])
 
 
-def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: float, found: Array) -> None:
+def flat_rims(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, before: Before, kind: int, apart: float, found: Array
+) -> None:
     """Note the gaps of points of rims that lie on faces of the other body; of a thin one, those of the better side."""
     sign, body, other, height, best = 1.0, a, b, 0.0, -math.inf
     normal, own, least = zeros(3), zeros(2), 0.0
@@ -66,8 +91,8 @@ def flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, apart: 
         if height < apart - FLAT_TILT * body.hull.reach:
             continue
         own[0], own[1] = math.inf, 0.0
-        points_of_rims(p, a, b, kind, face, least, own)
-        beneath(p, a, b, kind, other.normals[3 * face :], least, own)
+        points_of_rims(p, a, b, before, kind, face, least, own)
+        beneath(p, a, b, before, kind, other.normals[3 * face :], least, own)
         found[1] = max(found[1], own[1])
         if not is_thin(other):
             found[0] = min(found[0], own[0])
@@ -86,14 +111,28 @@ def is_thin(body: PlacedRound) -> bool:
     return abs(dot(line, hull.normals)) <= THIN * hull.reach
 
 
-def note(gap: float, least: float, found: Array) -> None:
+def note(p: RoundBodies, before: Before, key: Integers, gap: float, least: float, found: Array) -> None:
     """Note a gap, unless bodies that are as far apart as they are must meet elsewhere, as at a side of a block."""
     if gap >= least:
-        found[0] = min(found[0], gap)
+        found[0] = min(found[0], gap - gap_before(p, before, key) if gap < 0.0 and before.is_known else gap)
+
+
+def gap_before(p: RoundBodies, before: Before, key: Integers) -> float:
+    """The gap of a pair of features at the earlier pose, see `height_of`, if it was negative there; else 0."""
+    a, b, normal, at, meeting = before.a, before.b, zeros(3), zeros(3), zeros(MEETING)
+    radius = a.hull.reach + b.hull.reach
+    if not is_crossing(key[KIND]):
+        simple_normal(a, b, key, normal)
+    if key[KIND] == POINT_FACE and not lies(a, b, key[SECOND], key[FIRST], 1.0, at):
+        return 0.0
+    if key[KIND] == FACE_POINT and not lies(b, a, key[FIRST], key[SECOND], 1.0, at):
+        return 0.0
+    meet(p, a, b, key, normal, at, meeting)
+    return min(height_of(a, b, key, meeting), 0.0) if meeting[MARGIN] >= -KNOWN * radius else 0.0
 
 
 def points_of_rims(
-    p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, face: int, least: float, found: Array
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, before: Before, kind: int, face: int, least: float, found: Array
 ) -> None:
     """Note the gaps of points of rims that lie on a face of the other body, and whether one of the rims is flat."""
     sign, body, other = 1.0, a, b
@@ -108,14 +147,15 @@ def points_of_rims(
             if kind == FACE_POINT:
                 key[FIRST], key[SECOND] = face, code
             meet(p, a, b, key, normal, at, meeting)
-            note(meeting[GAP], least, found)
+            note(p, before, key, meeting[GAP], least, found)
             if meeting[GAP] >= least and tilt(body, code // CODES, normal) < EXACT_TILT:
                 found[1] = 1.0
 
 
 def beneath(
-    p: RoundBodies, a: PlacedRound, b: PlacedRound, kind: int, normal: Array, least: float, found: Array
-) -> None:
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, before: Before, kind: int, normal: Array, least: float,
+    found: Array,
+) -> None:  # fmt: skip
     """Note the gaps of corners and edges of the other body that are beneath the end of a body that lies nearly flat.
 
     The end lies flat also if it touches nothing else.
@@ -137,12 +177,17 @@ def beneath(
             if kind == FACE_POINT:
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
             meet(p, a, b, key, outward, at, meeting)
-            note(meeting[GAP], least, found)
+            note(p, before, key, meeting[GAP], least, found)
     # Over edges a part of the end may hang.
     for side in range(0 if other.hull.is_curved or p.radius > 0.0 else other.hull.sides):
+        key[KIND], key[FIRST], key[SECOND] = RIM_EDGE, face, side
+        if kind == FACE_POINT:
+            key[KIND], key[FIRST], key[SECOND] = EDGE_RIM, side, face
         for number in range(2):
-            if crossing(other, side, body, face, 2 * number - 1, sign, meeting) and meeting[MARGIN] >= 0.0:
-                note(meeting[GAP], least, found)
+            key[SIGN] = 2 * number - 1
+            is_offered = meet_crossing(a, b, key, meeting) and not is_steep(body.normals[3 * face :], meeting)
+            if is_offered and meeting[MARGIN] >= 0.0:
+                note(p, before, key, height_of(a, b, key, meeting) if before.is_known else meeting[GAP], least, found)
     for corner in range(other.hull.count):
         if not other.hull.curved[corner]:
             key[KIND], key[FIRST], key[SECOND] = FACE_CORNER, face, corner
@@ -150,6 +195,6 @@ def beneath(
                 key[KIND], key[FIRST], key[SECOND] = CORNER_FACE, corner, face
             meet(p, a, b, key, outward, at, meeting)
             if meeting[MARGIN] >= 0.0:
-                note(meeting[GAP], least, found)
+                note(p, before, key, meeting[GAP], least, found)
     if sine < EXACT_TILT and found[0] < math.inf:
         found[1] = 1.0

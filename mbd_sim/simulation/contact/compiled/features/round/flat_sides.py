@@ -11,7 +11,13 @@ from mbd_sim.simulation.contact.compiled.features.round.chords import (
     has_long_side_chord,
     tilt_of_side,
 )
-from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, TOWARD, is_at_middle, is_crossed
+from mbd_sim.simulation.contact.compiled.features.round.crossings import (
+    NORMAL,
+    TOWARD,
+    is_at_middle,
+    is_crossed,
+    is_crossing,
+)
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
     CORNER_SIDE,
@@ -28,7 +34,7 @@ from mbd_sim.simulation.contact.compiled.features.round.rounded_edges import (
     is_at_rim,
     tilt_at_rim,
 )
-from mbd_sim.simulation.contact.compiled.features.round.slots import has_direction, is_crossing
+from mbd_sim.simulation.contact.compiled.features.round.slots import has_direction
 
 
 def level(

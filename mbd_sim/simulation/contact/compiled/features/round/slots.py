@@ -6,10 +6,18 @@ import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import FLAT_TILT, POINTS
-from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, ITERATED, SMOOTH_SIZE, TWO_SIDES
+from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, FOUND_AT, ITERATED, SMOOTH_SIZE, TWO_SIDES
 from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT, PASSED, SLANTED
 from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound, RoundHull, facing
-from mbd_sim.simulation.contact.compiled.features.round.crossings import NORMAL, POINT, TOWARD, half_of_chord
+from mbd_sim.simulation.contact.compiled.features.round.crossings import (
+    GAP,
+    NORMAL,
+    POINT,
+    TOWARD,
+    half_of_chord,
+    height_of,
+    is_crossing,
+)
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
     CORNER_FACE,
@@ -55,11 +63,6 @@ def is_iterated(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -
 def has_direction(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
     """Whether the direction from the center of a rim is iterated in place of a normal."""
     return is_at_rim(p, a, b, key) or is_rim_contact(a, b, key)
-
-
-def is_crossing(kind: int) -> bool:
-    """Whether the features of a kind are an edge and a rim that it crosses."""
-    return kind in (EDGE_RIM, RIM_EDGE)
 
 
 def encoded(key: Integers) -> int:
@@ -177,6 +180,12 @@ def write_flat(own: int, radius: float, other: RoundHull, face: int, slot: Array
 def can_bend(numbers: Array) -> bool:
     """Whether one of the bodies of a slot has an end that can be bent."""
     return numbers[28] + numbers[29] > 0.0
+
+
+def write_height(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, limit: float, slot: Array) -> None:
+    """Write the height at which a feature is found beneath an end that can be bent, if it is lower than a limit."""
+    if can_bend(slot) and meeting[GAP] < limit:
+        slot[FOUND_AT] = height_of(a, b, key, meeting)
 
 
 def write_lean(a: PlacedRound, b: PlacedRound, slot: Array) -> None:

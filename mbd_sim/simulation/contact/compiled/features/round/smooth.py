@@ -11,7 +11,7 @@ import math
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.dynamics.contact.shapes import FLAT_TILT
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE
-from mbd_sim.simulation.contact.compiled.features.polytopes import BORDER, SUPPORT, TURNED
+from mbd_sim.simulation.contact.compiled.features.polytopes import BORDER, SUPPORT, TURNED, WITHIN
 from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     FLAT,
     PlacedRound,
@@ -35,10 +35,11 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     crossings_gap,
     face_of,
     half_of_chord,
+    is_crossing,
     is_steep,
     meet_crossing,
 )
-from mbd_sim.simulation.contact.compiled.features.round.flat_rims import with_flat_rims
+from mbd_sim.simulation.contact.compiled.features.round.flat_rims import Before, with_flat_rims
 from mbd_sim.simulation.contact.compiled.features.round.flat_sides import (
     has_chord,
     is_chord_end,
@@ -87,7 +88,6 @@ from mbd_sim.simulation.contact.compiled.features.round.slots import (
     chord_at,
     decode,
     has_direction,
-    is_crossing,
     is_iterated,
     is_rim_on_face,
     lean_left,
@@ -95,6 +95,7 @@ from mbd_sim.simulation.contact.compiled.features.round.slots import (
     stored_arm,
     write_arm,
     write_chord,
+    write_height,
     write_lean,
     write_slot,
 )
@@ -125,11 +126,29 @@ def smooth_distance(p: RoundBodies, one: Array, other: Array) -> float:
     )
     put_round(a, one, other)
     put_round(b, other, other)
-    return smooth_gap(p, a, b)
+    return with_flat_rims(p, a, b, Before(a, b, False), apart_without(p, a, b))
 
 
-def smooth_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
-    """The distance of both bodies."""
+def smooth_beyond(p: RoundBodies, one_before: Array, other_before: Array, one: Array, other: Array) -> float:
+    """See `BEYOND` in `pairs`."""
+    a = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
+    b = PlacedRound(
+        p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
+    )
+    c = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
+    d = PlacedRound(
+        p.second, zeros(12), zeros(3 * p.second.count), zeros(3 * p.second.sides), zeros(3 * p.second.faces)
+    )
+    put_round(a, one, other)
+    put_round(b, other, other)
+    put_round(c, one_before, other_before)
+    put_round(d, other_before, other_before)
+    before = Before(c, d, True)
+    return with_flat_rims(p, a, b, before, apart_without(p, a, b) - min(apart_without(p, c, d), 0.0))
+
+
+def apart_without(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
+    """The distance of both bodies, but for rims that lie nearly flat."""
     key, normal, toward, simple = integers(KEY), zeros(3), zeros(3), simple_count(p)
     apart = crossings_gap(p, a, b, max(simple_gap(p, a, b), starts_gap(p, a, b)))
     if not (apart > ROUND_OFF * p.near or is_on_face(p, a, b, apart)):
@@ -137,7 +156,7 @@ def smooth_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
             key_at(p, index, key)
             iterate(p, a, b, key, normal, toward)
             apart = max(apart, support(p, a, b, normal))
-    return with_flat_rims(p, a, b, apart)
+    return apart
 
 
 def simple_gap(p: RoundBodies, a: PlacedRound, b: PlacedRound) -> float:
@@ -192,7 +211,7 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
         key_at(p, simple + k, key)
         iterate(p, a, b, key, normals[3 * k :], directions[3 * k :])
         apart = max(apart, support(p, a, b, normals[3 * k :]))
-    bottom = min(with_flat_rims(p, a, b, apart), 0.0) - SUPPORT * tolerance
+    bottom = min(with_flat_rims(p, a, b, Before(a, b, False), apart), 0.0) - SUPPORT * tolerance
     for index in range(simple + p.count):
         key_at(p, index, key)
         if index == simple:
@@ -347,6 +366,7 @@ def consider(
             return
     copy(meeting[POINT:], points[3 * count[0] :])
     write_slot(p, a, b, key, meeting, slots[SMOOTH_SIZE * count[0] :])
+    write_height(a, b, key, meeting, -WITHIN * top, slots[SMOOTH_SIZE * count[0] :])
     count[0] += 1
 
 
