@@ -141,7 +141,7 @@ def place(pose):
     return {"position": pose.position.tolist(), "orientation": {"quaternion": [w, x, y, z]}}
 
 
-@pytest.mark.parametrize(("end", "order", "seed"), [("cylinder", 1, 0), ("disc", -1, 1), ("cone", -1, 2)])
+@pytest.mark.parametrize(("end", "order", "seed"), [("cylinder", 1, 0), ("disc", -1, 1)])
 def test_a_bar_rests_on_both_ends_of_its_chord_with_the_forces_of_a_lever(end, order, seed):
     chance = np.random.default_rng(seed)
     turn, aside, along = chance.uniform(-3, 3), chance.uniform(-0.8, 0.8) * RIM, chance.uniform(-0.05, 0.05)
