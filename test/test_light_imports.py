@@ -14,6 +14,7 @@ machine_code.LEVEL = 0
 from mbd_sim import Simulation
 simulation = Simulation.from_file("four_bar", live=("gravity[*]", "joints.*.damping"))
 simulation.step()
+assert simulation.remarks == ()
 """
 CHECK = "import sys; from mbd_sim.cli.main import main; main(['check', 'spherical_top']);"
 NOT_NEEDED = ("rclpy", "rerun", "scipy", "mcap", "pyarrow", "matplotlib", "dask")
