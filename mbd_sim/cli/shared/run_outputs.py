@@ -218,11 +218,11 @@ class RunOutputs:
         return self._options.out is not None or self._options.plot is not None
 
     def _recording(self, simulation: BaseSimulation, path: Path) -> AbstractContextManager[object]:
-        from mbd_sim.recordings.run.run_recorder import RunRecorder
-
         options = self._options
         if not self.records:
             return nullcontext()
+        from mbd_sim.recordings.run.run_recorder import RunRecorder
+
         recorded: dict[str, Any] = {
             "rate": options.rate,
             "contact_forces": options.contact_forces or "contacts" in self._shown,
