@@ -84,7 +84,7 @@ shared_builds.share_builds()
 
 
 def _compile_as_for_users(contents, emit):
-    """What all contacts share is compiled once for all tests, and many run it for seconds: it takes half as long."""
+    """What all contacts share is compiled once for all tests; where they run it for seconds, that takes a third less."""
     level, machine_code.LEVEL = machine_code.LEVEL, 1
     try:
         return host_module.compile_once(contents, emit)

@@ -265,9 +265,8 @@ def test_a_bar_that_rocks_on_a_nearly_parallel_one_keeps_its_energy(kind, seed):
     bar = {"type": kind, "radius": 0.03, "length": 0.4, "axis": [1, 0, 0], "mass": 1}
     joints = {
         "below": {"type": "fixed", "between": ["ground", "below"]},
-        "top": {"type": "free", "between": ["ground", "top"]},
+        "top": {"type": "free", "between": ["ground", "top"], "position": [0, 0, 0.08]},
     }
-    joints["top"]["position"] = [0, 0, 0.08]
     parts, contact = {"below": {"shape": bar}, "top": {"shape": bar}}, {"between": ["top", "below"]}
     text = {"mechanism": "rocking", "parts": parts, "joints": joints, "contacts": {"c": contact}}
     sim = Simulation.from_text(json.dumps(text), step=1e-3)
