@@ -14,6 +14,8 @@ machine_code.LEVEL = 0
 from mbd_sim import Simulation
 simulation = Simulation.from_file("four_bar", live=("gravity[*]", "joints.*.damping"))
 simulation.step()
+assert simulation.remarks == ()
+simulation.momentum()
 """
 CHECK = "import sys; from mbd_sim.cli.main import main; main(['check', 'spherical_top']);"
 NOT_NEEDED = ("rclpy", "rerun", "scipy", "mcap", "pyarrow", "matplotlib", "dask")
@@ -50,7 +52,7 @@ def test_a_first_step_from_the_cache_traces_and_compiles_nothing(cache):
     needed = {name for name in own if name.partition(".")[0] in ("dynamics", "compiler", "integrators")}
     assert needed == {
         "compiler", "compiler.code", "compiler.code.machine_code", "compiler.code.object_code", "compiler.python",
-        "compiler.python.bound_kernel", "dynamics", "dynamics.layouts",
+        "compiler.python.bound_call", "compiler.python.bound_kernel", "dynamics", "dynamics.layouts",
         "dynamics.layouts.coordinate_names", "dynamics.layouts.vectors",
     }  # fmt: skip
     assert not {"casadi", "pydantic", "yaml", "logging"} & set(warm)

@@ -22,8 +22,8 @@ import numpy as np
 import rclpy
 from rcl_interfaces.msg import Parameter
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.client import Client
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rosgraph_msgs.msg import Clock
@@ -34,12 +34,14 @@ from std_srvs.srv import SetBool, Trigger
 from mbd_sim import Simulation
 from mbd_sim.files.load import load_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.ros.events_executor import EventsExecutor
 from mbd_sim.ros.node.sim_parameters import PARAMETERS
 from mbd_sim.simulation.model.live_values import names_with_matches
 from test.system.forked_programs import ForkedProcess
 from test.waiting import PATIENCE, wait_until
 
 _counter = itertools.count()
+LOST = 5.0  # s after which an answer that has not come may be lost
 BLOCK, BLOCKS = 5, 20  # domain ids from 1 to 100: all that Linux has ports for
 
 
@@ -148,8 +150,9 @@ class Listener:
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = Node("listener", context=self.context, namespace=namespace or None)
-        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor = EventsExecutor(context=self.context)
         self.executor.add_node(self.node)
+        self._clients: dict[tuple[str, str], Client] = {}
         self.states: list[JointState] = []
         self.arrivals: list[float] = []  # of the states, in s of the steady clock
         self.events: list[str] = []
@@ -226,16 +229,21 @@ class Listener:
 
     def ask(self, kind: type, name: str, **fields: Any) -> Any:
         """Call a service; returns the future of its answer, which is lost where the node ends too soon."""
-        client = self.node.create_client(kind, f"{self.server}/{name}")
-        self.until(client.service_is_ready, f"service {name}")
-        future = client.call_async(kind.Request(**fields))
-        future.add_done_callback(lambda _: self.node.destroy_client(client))
-        return future
+        return self._client(kind, name).call_async(kind.Request(**fields))
 
     def call(self, kind: type, name: str, **fields: Any) -> Any:
         future = self.ask(kind, name, **fields)
         self.until(future.done, f"answer of {name}")
         return future.result()
+
+    def _client(self, kind: type, name: str) -> Client:
+        """A client that is kept, and that the node knows: before, it could not send an answer."""
+        if (self.server, name) not in self._clients:
+            self._clients[self.server, name] = self.node.create_client(kind, f"{self.server}/{name}")
+            Listener.all_matched(self)
+        client = self._clients[self.server, name]
+        self.until(client.service_is_ready, f"service {name}")
+        return client
 
     def reset(self) -> Any:
         return self.call(Trigger, "reset")
@@ -257,8 +265,21 @@ class Listener:
         return self.call(DescribeParameters, "describe_parameters", names=[name]).descriptors[0]
 
     def all_matched(self) -> None:
-        """Wait until the node knows all subscriptions: discovery keeps their order, and each call has a new client."""
-        self.call(ListParameters, "list_parameters")
+        """Wait until the node knows all subscriptions and clients: discovery keeps their order, and this client is new.
+
+        On a busy machine it may be asked before it knows the client: the answer is lost, and it is asked again.
+        """
+        client = self.node.create_client(ListParameters, f"{self.server}/list_parameters")
+        self.until(client.service_is_ready, "service list_parameters")
+        futures, asked = [client.call_async(ListParameters.Request())], time.monotonic()
+
+        def answered() -> bool:
+            if time.monotonic() > asked + LOST * len(futures):
+                futures.append(client.call_async(ListParameters.Request()))
+            return any(future.done() for future in futures)
+
+        self.until(answered, "answer of list_parameters")
+        self.node.destroy_client(client)
 
     def ready_to_command(self) -> None:
         """Wait until both command topics and the answer topics are matched."""

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -24,6 +23,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from mbd_sim.recordings.run.reader import open_recording
+from mbd_sim.ros.events_executor import EventsExecutor
 from mbd_sim.ros.replay.replay_node import main
 from test.recordings.rewriting import rewrite
 from test.recordings.runs import record_run
@@ -50,8 +50,9 @@ class Audience(Listener):
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = Node("audience", context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor = EventsExecutor(context=self.context)
         self.executor.add_node(self.node)
+        self._clients = {}
         self.received: dict[str, list[bytes]] = {}
 
     def listen(self, kind: type, topic: str, profile: QoSProfile | int = 1000) -> None:
@@ -60,7 +61,7 @@ class Audience(Listener):
 
     def all_matched(self) -> None:
         self.until(lambda: all(self.node.count_publishers(topic) for topic in self.received), "the publishers")
-        self.parameter("rate")  # a new client: once it is answered, the node knows all earlier subscriptions, too
+        super().all_matched()
 
     def until_received(self, expected: Mapping[str, Sequence[bytes]]) -> None:
         """Wait for as many messages as are expected of each topic."""

@@ -6,6 +6,7 @@ import collections
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -199,7 +200,7 @@ def test_results_arrive_even_if_other_messages_about_a_goal_fail(
             except RuntimeError as error:
                 assert str(error) == f"{failing} failed"
 
-        monkeypatch.setattr(executor, "spin_once", spin)
+        monkeypatch.setattr(client.listener, "executor", SimpleNamespace(spin_once=spin, shutdown=executor.shutdown))
         first = client.send((60.0, [0.0]))
         monkeypatch.setattr(ServerGoalHandle, failing, fail)
         second = client.send((60.0, [0.1]))

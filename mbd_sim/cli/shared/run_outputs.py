@@ -171,10 +171,10 @@ class RunOutputs:
     @property
     def frame_rate(self) -> float:
         """The samples for the animation per simulated second, 0 for none: frames, and points of traced paths."""
-        from mbd_sim.pictures.drawing.animation import TRACE_POINTS
-
         if self._options.animate is None:
             return 0.0
+        from mbd_sim.pictures.drawing.animation import TRACE_POINTS
+
         return self._drawn_rate * (TRACE_POINTS if self._options.trace else 1)
 
     @property
@@ -189,12 +189,13 @@ class RunOutputs:
         """Record the run in this block, then write the files; also if the motion becomes infinite."""
         options = self._options
         traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run
-        least = self._drawn_rate * self._pace * simulation.step_size
-        if options.pace and options.animate and options.pace < least * (1.0 - 1e-9):
-            raise InputError(
-                f"--pace {options.pace:g}: there are no {self._drawn_rate:g} steps per second to draw",
-                f"Give a pace of {least:g} or more, or a smaller --step.",
-            )
+        if options.pace and options.animate:
+            least = self._drawn_rate * self._pace * simulation.step_size
+            if options.pace < least * (1.0 - 1e-9):
+                raise InputError(
+                    f"--pace {options.pace:g}: there are no {self._drawn_rate:g} steps per second to draw",
+                    f"Give a pace of {least:g} or more, or a smaller --step.",
+                )
         keeps = options.out is not None and options.out.suffix == RECORDING
         name = f"{simulation.mechanism.name}.mcap".replace("/", "_")
         with temporary_file(name) if self.records and not keeps else nullcontext(options.out or Path()) as path:
@@ -217,11 +218,11 @@ class RunOutputs:
         return self._options.out is not None or self._options.plot is not None
 
     def _recording(self, simulation: BaseSimulation, path: Path) -> AbstractContextManager[object]:
-        from mbd_sim.recordings.run.run_recorder import RunRecorder
-
         options = self._options
         if not self.records:
             return nullcontext()
+        from mbd_sim.recordings.run.run_recorder import RunRecorder
+
         recorded: dict[str, Any] = {
             "rate": options.rate,
             "contact_forces": options.contact_forces or "contacts" in self._shown,

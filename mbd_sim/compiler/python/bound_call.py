@@ -7,19 +7,19 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from itertools import accumulate, pairwise
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base import disk_cache
 from mbd_sim.base.interrupts import interruptible_tracing
 from mbd_sim.base.short_repr import record
-from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.code.machine_code import load_code
-from mbd_sim.compiler.lists.lowering import export, lower
 from mbd_sim.compiler.python.bound_kernel import function_of_addresses
+
+if TYPE_CHECKING:  # what was compiled before is read without CasADi
+    import casadi as ca
 
 Clock = tuple[NDArray[np.int64], NDArray[np.float64]]
 Call = Callable[[], NDArray[np.float64]]
@@ -49,6 +49,9 @@ class CompiledFunction:
         """
         if key is not None and (found := cls._stored(key)) is not None:
             return found
+        from mbd_sim.compiler.code.host_module import compile_module, new_module
+        from mbd_sim.compiler.lists.lowering import export, lower
+
         function, module = trace(), new_module()
         export(module, "function", lower(module, function, inline=True))
         code, size = compile_module(module), function.nnz_out(0)

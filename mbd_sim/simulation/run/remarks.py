@@ -13,15 +13,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
-import casadi as ca
 import numpy as np
 
 from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.dynamics.contact.passing import PassingFunctions
-from mbd_sim.dynamics.math.expressions import evaluated, function_of, time_functions
 from mbd_sim.files.checks.bare_angles import bare_angle_remarks
 from mbd_sim.mechanism.contents import expressions_of_forces
 from mbd_sim.mechanism.elements.constraints import (
@@ -39,10 +36,13 @@ from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.mechanism.values.expression import TIME, TimeExpression
-from mbd_sim.simulation.contact.complementarity import independent
 from mbd_sim.simulation.model.contact_pairs import endless_remarks
 from mbd_sim.simulation.model.model import Model
-from mbd_sim.simulation.run.advice import round_down
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from mbd_sim.dynamics.contact.passing import PassingFunctions
 
 TURN = 0.5  # rad within a step, up to which the rates of a gap at its ends show whether it closes between them
 STILL = 1e-6  # of the natural length, by which a place may move while its part turns
@@ -52,6 +52,9 @@ def passing_advice(model: Model, time: float, y: Array, inputs: Array, step: flo
     """A sentence on the contacts that steps of `step` s may miss in this state, with a step that does not."""
     if (functions := model.passing) is None:
         return
+    from mbd_sim.dynamics.math.expressions import evaluated
+    from mbd_sim.simulation.run.advice import round_down
+
     given = inputs[: model.input_layout.values.start]
     turning, second, third, speed = evaluated(functions.motions, time, y, given)
     least = STILL * natural_units(model.mechanism, step).length
@@ -136,6 +139,10 @@ def jumps(expression: TimeExpression, step: float, end: float) -> list[Jump]:
     """
     if expression.variables != {TIME} or not MAY_JUMP.search(expression.text):
         return []
+    import casadi as ca
+
+    from mbd_sim.dynamics.math.expressions import time_functions
+
     t = ca.SX.sym("t")
     evaluated = ca.Function("prescribed", [t], list(time_functions([expression], t)))
     times = np.linspace(0.0, end, min(max(round(end / step), 1), MOST_POINTS) + 1)
@@ -204,6 +211,10 @@ def pulse_remarks(mechanism: Mechanism, step: float) -> Iterator[str]:
 
 def _missed(expression: TimeExpression, step: float) -> float | None:
     """The start in s of the first step within which a change is missed; None without one."""
+    import casadi as ca
+
+    from mbd_sim.dynamics.math.expressions import function_of
+
     t = ca.SX.sym("t")
     function = ca.Function("force", [t], [function_of(expression, {TIME: t})])
     named = [*map(float, NUMBER.findall(expression.text)), *expression.names.values()]
@@ -287,6 +298,8 @@ def sharing_remark(model: Model, time: float, y: Array, inputs: Array) -> str:
     closed = [gap for gap in range(contact.layout.gaps) if modes[gap]]
     if max(len(resting), len(closed)) < 2:
         return ""
+    from mbd_sim.simulation.contact.complementarity import independent
+
     matrix = contact.terms(time, y, inputs).matrix
     if len(independent(matrix, rows)) < len(rows):
         what, names, how = "friction at rest of", [name for _, name in resting], ", as far as their limits allow"

@@ -239,7 +239,7 @@ class Slots:
         for slot in slots:
             if slot.kind not in known:
                 given = [time, inputs, slot.features, *(motions.symbols[part] for part in slot.parts)]
-                key = ca.Function("slot", given, [slot.values], {"cse": True}).serialize()
+                key = ca.Function("slot", given, [slot.values]).serialize()
                 if key not in kinds:
                     kinds[key] = ca.Function(f"slot_{len(kinds)}", given, [slot.values], {"cse": True})
                 known[slot.kind] = kinds[key]

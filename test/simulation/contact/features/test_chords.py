@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.dynamics.contact.smooth_rows import smooth_touch
-from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from test.simulation.contact.features.rows import row_of
 
 HERE, UP, RIM, WIDE, LONG = Attachment("part", np.zeros(3)), np.array([0.0, 0.0, 1.0]), 0.25, 0.1, 1.2
 ENDS = {  # and the height of the end
@@ -63,14 +61,6 @@ class OnEnd:
             Pose(spin.apply(self.pose.position), spin.as_matrix() @ self.pose.rotation),
             Pose(np.zeros(3), spin.as_matrix()),
         )[::order]
-
-
-def row_of(bodies, features, poses):
-    """The gap, the normal and the point of a row."""
-    frames = tuple(SymbolicPose(ca.DM(pose.position), ca.DM(pose.rotation)) for pose in poses)
-    touch = smooth_touch(bodies, ca.SX(ca.DM(features.numbers)), frames, 1.0)
-    values = [touch.iterated.inserted(each) for each in (touch.distance, touch.normal, touch.point)]
-    return [np.array(each).ravel() for each in ca.Function("row", [], values).call([])]
 
 
 @KINDS
@@ -151,7 +141,7 @@ def place(pose):
     return {"position": pose.position.tolist(), "orientation": {"quaternion": [w, x, y, z]}}
 
 
-@pytest.mark.parametrize(("end", "order", "seed"), [("cylinder", 1, 0), ("disc", -1, 1), ("cone", -1, 2)])
+@pytest.mark.parametrize(("end", "order", "seed"), [("cylinder", 1, 0), ("disc", -1, 1)])
 def test_a_bar_rests_on_both_ends_of_its_chord_with_the_forces_of_a_lever(end, order, seed):
     chance = np.random.default_rng(seed)
     turn, aside, along = chance.uniform(-3, 3), chance.uniform(-0.8, 0.8) * RIM, chance.uniform(-0.05, 0.05)

@@ -58,10 +58,12 @@ class Lying:
     def touching(self, place):
         """The place (3,) above or below another one at which it touches the face, or None if it touches no face."""
         place = np.array(place)
-        for _ in range(5):
-            place -= self.distance(place) * UP
-        is_beside = abs(place[2]) > 1.1 * RIM * self.tilt + 2e-3 * RIM or abs(self.distance(place)) > 1e-11
-        return None if is_beside else place
+        for _ in range(6):
+            apart = self.distance(place)
+            if abs(apart) <= 1e-11:
+                return None if abs(place[2]) > 1.1 * RIM * self.tilt + 2e-3 * RIM else place
+            place -= apart * UP
+        return None
 
 
 @KINDS

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.dynamics.contact.smooth_rows import smooth_touch
-from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from test.simulation.contact.features.rows import row_of
 
 HERE, RIM, UP = Attachment("part", np.zeros(3)), 0.25, np.array([0.0, 0.0, 1.0])
 RADII = np.array([0.3, 0.2, 0.15])
@@ -73,21 +71,6 @@ def numbers_of(chance, least):
     return tilts, chance.uniform(0.8, 2.3), chance.uniform(-1.0, 1.0, 2)
 
 
-def row_of(bodies, features, other):
-    """The gap, the normal and the point of a row, as a function of the pose of the first body."""
-    symbols = ca.SX.sym("pose", 12)
-    frames = (
-        SymbolicPose(symbols[:3], ca.reshape(symbols[3:], 3, 3)),
-        SymbolicPose(ca.DM(other.position), ca.DM(other.rotation)),
-    )
-    touch = smooth_touch(bodies, ca.SX(ca.DM(features.numbers)), frames, 1.0)
-    values = [touch.iterated.inserted(each) for each in (touch.distance, touch.normal, touch.point)]
-    row = ca.Function("row", [symbols], values)
-    return lambda pose: [
-        np.array(each).ravel() for each in row(np.concatenate([pose.position, pose.rotation.T.ravel()]))
-    ]
-
-
 @KINDS
 def test_a_rim_touches_where_it_does_and_not_where_it_is_apart(kinds):
     """Also where the normal is all but the axis of a rim, near which steps from other normals did not find it."""
@@ -113,7 +96,7 @@ def test_a_row_follows_a_rim_past_the_axis(kinds):
         assert len(found) == 1
         for tilt, turn in ((tilts, psi), (tilts - np.clip(0.3 * tilts, -0.01, 0.01), psi + 0.005)):
             after, normal, point = touching(kinds, (tilt, turn, turns), spin)
-            gap, own, at = row_of(bodies, found[0], after[1])(after[0])
+            gap, own, at = row_of(bodies, found[0], after)
             assert gap == pytest.approx(0.0, abs=1e-14)
             assert own == pytest.approx(normal, abs=1e-11)
             assert at == pytest.approx(point, abs=1e-11)
@@ -129,7 +112,7 @@ def test_a_row_is_a_number_where_one_rim_touches_along_the_axis_of_the_other(kin
     for _ in range(20):
         numbers = np.array([0.5 * np.pi, 0.0]), chance.uniform(0.8, 2.3), chance.uniform(-1.0, 1.0, 2)
         poses, normal, point = touching(kinds, numbers, Rotation.random(rng=chance))
-        rows = [row_of(bodies, found, poses[1])(poses[0]) for found in pair.touching(*poses, 1e-13)]
+        rows = [row_of(bodies, found, poses) for found in pair.touching(*poses, 1e-13)]
         assert min(np.linalg.norm(at - point) for _, _, at in rows) < 1e-11
         for gap, own, _ in rows:
             assert gap == pytest.approx(0.0, abs=1e-13)

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.dynamics.contact.smooth_rows import smooth_touch
-from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from test.simulation.contact.features.rows import row_of
 
 HERE, RIM, EDGE, HALF = Attachment("part", np.zeros(3)), 0.25, 0.1, 0.6
 UP = np.array([0.0, 0.0, 1.0])
@@ -62,33 +60,19 @@ def test_a_capsule_touches_where_it_does_and_not_where_it_is_apart(kind, order):
         assert 0.0 < pair.distance(*touching.poses(spin, order, apart)) <= apart + 5e-15
 
 
-def row_of(bodies, features, poses, moving):
-    """The gap, the normal and the point of a row, as a function of the pose of one of the bodies."""
-    symbols = ca.SX.sym("pose", 12)
-    frames = [SymbolicPose(ca.DM(pose.position), ca.DM(pose.rotation)) for pose in poses]
-    frames[moving] = SymbolicPose(symbols[:3], ca.reshape(symbols[3:], 3, 3))
-    touch = smooth_touch(bodies, ca.SX(ca.DM(features.numbers)), tuple(frames), 1.0)
-    values = [touch.iterated.inserted(each) for each in (touch.distance, touch.normal, touch.point)]
-    row = ca.Function("row", [symbols], values)
-    return lambda pose: [
-        np.array(each).ravel() for each in row(np.concatenate([pose.position, pose.rotation.T.ravel()]))
-    ]
-
-
 @KINDS
 def test_a_row_follows_a_capsule_that_comes_to_lie_on_the_end(kind, order):
     """In a step in which it turns by a third of its rise: steps from the last normal led past the next one."""
     chance, bodies = np.random.default_rng(4), (CAPSULE, ENDS[kind][0])[::order]
-    pair, moving = SmoothPair(*bodies, 2), 0 if order == 1 else 1
+    pair = SmoothPair(*bodies, 2)
     for _ in range(12):
         rise, turn = 10.0 ** chance.uniform(-9.0, -0.7), chance.uniform(-3, 3)
         angle, along, spin = chance.uniform(-1.0, 1.0), chance.uniform(0.1, 0.5), Rotation.random(rng=chance)
         before = Touching(kind, rise, turn, angle, along)
         (features,) = pair.touching(*before.poses(spin, order), 1e-13)
-        row = row_of(bodies, features, before.poses(spin, order), moving)
         after = Touching(kind, 0.67 * rise, turn + 0.02, angle - 0.01, along + 0.01)
         for each in (before, after):
-            gap, normal, point = row(each.poses(spin, order)[moving])
+            gap, normal, point = row_of(bodies, features, each.poses(spin, order))
             assert gap == pytest.approx(0.0, abs=1e-14)
             assert normal == pytest.approx(order * spin.apply(each.normal), abs=1e-12)
             assert point == pytest.approx(spin.apply(each.point), abs=1e-12)
@@ -100,21 +84,20 @@ def test_a_row_follows_a_capsule_that_comes_to_lie_on_the_end(kind, order):
 def test_a_capsule_lies_on_both_ends_of_its_chord(kind, order):
     """Each of them is followed as it rises at the other one."""
     chance, bodies = np.random.default_rng(5), (CAPSULE, ENDS[kind][0])[::order]
-    pair, moving = SmoothPair(*bodies, 2), 0 if order == 1 else 1
+    pair = SmoothPair(*bodies, 2)
     for _ in range(8):
         turn, angle, spin = chance.uniform(-3, 3), chance.uniform(-1.4, 1.4), Rotation.random(rng=chance)
         flat = Touching(kind, 0.0, turn, angle, 0.3)
         other = Touching(kind, 0.0, turn + np.pi, -angle, 0.0)
         found = pair.touching(*flat.poses(spin, order), 1e-13)
-        rows = [row_of(bodies, each, flat.poses(spin, order), moving) for each in found]
-        points = [row(flat.poses(spin, order)[moving])[2] for row in rows]
+        points = [row_of(bodies, each, flat.poses(spin, order))[2] for each in found]
         assert len(found) == 2
         for end, back in ((flat, 1), (other, -1)):
             (number,) = (k for k in (0, 1) if np.linalg.norm(points[k] - spin.apply(end.point)) < 1e-9)
             raised = Touching(kind, 3e-4, turn + (0.0 if back == 1 else np.pi), back * angle, 0.3 if back == 1 else 0.0)
             if back == -1:  # the same capsule from its other end
                 raised.pose = Pose(raised.pose.position, raised.pose.rotation @ np.diag([-1.0, -1.0, 1.0]))
-            gap, normal, _ = rows[number](raised.poses(spin, order)[moving])
+            gap, normal, _ = row_of(bodies, found[number], raised.poses(spin, order))
             assert gap == pytest.approx(0.0, abs=1e-14)
             assert normal == pytest.approx(order * spin.apply(raised.normal), abs=1e-12)
             assert pair.margin(*raised.poses(spin, order), found[number].numbers) > 0.0

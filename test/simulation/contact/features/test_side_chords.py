@@ -13,7 +13,7 @@ from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
-from test.simulation.contact.features.test_rims import row_of
+from test.simulation.contact.features.rows import row_of
 
 HERE, RIM, SIDE, HALF, UP = Attachment("part", np.zeros(3)), 0.25, 0.1, 0.6, np.array([0.0, 0.0, 1.0])
 ENDS = {
@@ -49,7 +49,7 @@ class Touching:
 
 def points_of(bodies, found, poses):
     """The points at which features touch, from their rows."""
-    return [row_of(bodies, each, poses[1])(poses[0])[2] for each in found]
+    return [row_of(bodies, each, poses)[2] for each in found]
 
 
 @KINDS
@@ -97,7 +97,7 @@ def test_each_end_of_a_chord_is_followed_as_the_side_rises_from_the_other_one(ki
         (number,) = (k for k in (0, 1) if np.linalg.norm(points[k] - spin.apply(flat.point)) < 1e-9)
         raised = Touching(kind, 3e-4, turn, angle, 0.3)
         after = raised.poses(spin, order)
-        gap, normal, point = row_of(bodies, found[number], after[1])(after[0])
+        gap, normal, point = row_of(bodies, found[number], after)
         assert gap == pytest.approx(0.0, abs=1e-14)
         assert normal == pytest.approx(order * spin.apply(raised.normal), abs=1e-11)
         assert point == pytest.approx(spin.apply(raised.point), abs=1e-11)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations_with_replacement, product
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from mbd_sim.base.geometry.pose import Pose
-from mbd_sim.dynamics.contact.smooth_rows import ITERATED, smooth_touch
-from mbd_sim.dynamics.kinematics.poses import SymbolicPose
+from mbd_sim.dynamics.contact.smooth_rows import ITERATED
 from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
@@ -21,6 +19,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import PlacedRoun
 from mbd_sim.simulation.contact.features.round_bodies import hull_of, round_body
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
 from test.oracles.convex_distance import distance
+from test.simulation.contact.features.rows import row_of
 
 HERE, UP, ROD_RADIUS = Attachment("part", np.zeros(3)), np.array([0.0, 0.0, 1.0]), 0.1
 KINDS = ("ellipsoid", "cylinder", "disc", "cone", "block", "rod")
@@ -88,32 +87,18 @@ def test_a_row_has_the_gap_of_the_narrow_phase_and_the_rate_of_it(kinds):
     part = _fraction(first, second, one[2], other[2], toward)
     at = Pose(one[2].position + part * toward, one[2].rotation)
     (features,) = pair.touching(at, other[2], 1e-9)
-    symbols = ca.SX.sym("pose", 12)
-    frames = (
-        SymbolicPose(symbols[:3], ca.reshape(symbols[3:], 3, 3)),
-        SymbolicPose(ca.DM(other[2].position), ca.DM(other[2].rotation)),
-    )
-    touch = smooth_touch((first, second), ca.SX(ca.DM(features.numbers)), frames, 1.0)
-    normal = touch.iterated.inserted(touch.normal)
-    values = ca.Function(
-        "row", [symbols], [touch.iterated.inserted(touch.distance), normal, touch.iterated.inserted(touch.point)]
-    )
     spin, slide = np.array([0.3, -0.2, 0.4]), np.array([0.1, 0.2, -0.3])
 
     def moved(time):
         turn = Rotation.from_rotvec(spin * time).as_matrix()
         return Pose(at.position + slide * time, turn @ at.rotation)
 
-    def flat(pose):
-        return np.concatenate([pose.position, pose.rotation.T.ravel()])
-
-    gap, found, point = (np.array(value).ravel() for value in values(flat(at)))
+    gap, found, point = row_of((first, second), features, (at, other[2]))
     assert abs(gap[0]) < 1e-9
-    later, _, _ = values(flat(moved(0.02)))
-    if float(later) > 0.0:
-        assert float(later) == pytest.approx(pair.distance(moved(0.02), other[2]), abs=1e-11)
-    step = 1e-5
-    rate = (float(values(flat(moved(step)))[0]) - float(values(flat(moved(-step)))[0])) / (2.0 * step)
+    later, earlier, soon = (row_of((first, second), features, (moved(t), other[2]))[0] for t in (0.02, -1e-5, 1e-5))
+    if later > 0.0:
+        assert later == pytest.approx(pair.distance(moved(0.02), other[2]), abs=1e-11)
+    rate = (soon - earlier) / 2e-5
     assert found @ (slide + np.cross(spin, point - at.position)) == pytest.approx(rate, abs=1e-8)
     assert pair.margin(at, other[2], features.numbers) > 0.0
 
@@ -248,7 +233,7 @@ def test_the_ends_of_the_chord_of_an_edge_across_a_round_end_follow_its_motion(o
         (features,) = (
             each
             for each in found
-            if each.numbers[30] and np.linalg.norm(_point(bodies, each, poses, order) - high) < 1e-9
+            if each.numbers[30] and np.linalg.norm(row_of(bodies[::order], each, poses)[2] - high) < 1e-9
         )
         assert pair.distance(*poses) == pytest.approx(0.0, abs=1e-13)
         assert pair.margin(*poses, features.numbers) > 0.0
@@ -268,37 +253,15 @@ def test_a_rim_reaches_as_far_in_any_axes_of_its_part():
         assert reach(placed, normal, 1.0) == pytest.approx(radius * np.sin(tilt), abs=2e-16)
 
 
-def _touch(bodies, features, symbols, other):
-    frames = (
-        SymbolicPose(symbols[:3], ca.reshape(symbols[3:], 3, 3)),
-        SymbolicPose(ca.DM(other.position), ca.DM(other.rotation)),
-    )
-    return smooth_touch(bodies, ca.SX(ca.DM(features.numbers)), frames, 1.0)
-
-
-def _numbers(pose):
-    return np.concatenate([pose.position, pose.rotation.T.ravel()])
-
-
-def _point(bodies, features, poses, order):
-    symbols = ca.SX.sym("pose", 12)
-    touch = _touch(bodies[::order], features, symbols, poses[1])
-    point = ca.Function("point", [symbols], [touch.iterated.inserted(touch.point)])
-    return np.array(point(_numbers(poses[0]))).ravel()
-
-
 def _check_rate(bodies, features, poses, chance):
     """The rate of a gap that is zero is the velocity along the normal of the points that touch."""
-    at, symbols = poses[0], ca.SX.sym("pose", 12)
-    touch = _touch(bodies, features, symbols, poses[1])
-    outputs = [touch.iterated.inserted(each) for each in (touch.distance, touch.normal, touch.point)]
-    row, spin, slide = ca.Function("row", [symbols], outputs), chance.normal(size=3), chance.normal(size=3)
+    at, spin, slide = poses[0], chance.normal(size=3), chance.normal(size=3)
 
     def gap(time):
         turned = Rotation.from_rotvec(spin * time).as_matrix() @ at.rotation
-        return float(row(_numbers(Pose(at.position + slide * time, turned)))[0])
+        return float(row_of(bodies, features, (Pose(at.position + slide * time, turned), poses[1]))[0][0])
 
-    value, normal, point = (np.array(each).ravel() for each in row(_numbers(at)))
+    value, normal, point = row_of(bodies, features, poses)
     assert abs(value[0]) < 1e-13
     assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-14)
     rate = (8.0 * (gap(1e-4) - gap(-1e-4)) - (gap(2e-4) - gap(-2e-4))) / 1.2e-3
