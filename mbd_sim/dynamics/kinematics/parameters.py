@@ -289,7 +289,7 @@ _UNREAD: Mapping[type, tuple[str, ...]] = {
         "sensor_seed",
         "bases", "moved", "ranges",
     ),
-    Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
+    Part: ("inertia", "points", "shapes", "collisions"),  # the inertia is read from the link, shapes from contacts
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
     Link: ("q", "u", "disturbance"),
     Actuator: ("start",),

@@ -20,6 +20,7 @@ from mbd_sim.simulation.model.commands import Command, Efforts, require_parts
 from mbd_sim.simulation.model.contact_pairs import require_computable_pairs
 from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues
 from mbd_sim.simulation.model.model import Model, build_model
+from mbd_sim.simulation.model.penetrations import require_free_start
 from mbd_sim.simulation.run.arguments import (
     SimulationOptions,
     Value,
@@ -29,7 +30,7 @@ from mbd_sim.simulation.run.arguments import (
     step_count,
     step_size,
 )
-from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, require_free_start, started, with_live
+from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, started, with_live
 from mbd_sim.simulation.run.events import ChangedValues, EventKind, RunListener, RunReports
 from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs
 from mbd_sim.simulation.run.present_state import PresentState
@@ -405,8 +406,9 @@ class BaseSimulation(PresentState):
         :param changes: numbers in SI units, or texts with units such as `"30 deg"`, by their keys.
         :param reassemble: where a change would open loops, assemble the mechanism anew from where it is: the nearest
             configuration, with the speeds of least kinetic energy of their change.
-        :raises CommandError: an unknown key, a value that does not fit, or one that would open loops, with `reassemble`
-            one with which they cannot be closed from here; nothing is changed then.
+        :raises CommandError: an unknown key, a value that does not fit, one that would open loops, with `reassemble`
+            one with which they cannot be closed from here, or one that would put parts inside each other or beyond a
+            stop; nothing is changed then.
         """
         self.apply_live(self.prepare_live(changes, reassemble=reassemble))
 
@@ -425,7 +427,8 @@ class BaseSimulation(PresentState):
 
         Efforts beyond changed limits are clamped.
 
-        :raises CommandError: the change would open loops in the present state; nothing is changed then.
+        :raises CommandError: in the present state the change would open loops, or put parts inside each other or beyond
+            a stop; nothing is changed then.
         """
         y, inputs, told = with_live(self.model, self._memory, self.live, prepared)
         before = self.energies.total
