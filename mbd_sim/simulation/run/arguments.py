@@ -98,6 +98,17 @@ def step_at(time: float, size: float, steps: int = 0) -> int:
     return last
 
 
+def steps_in(duration: float, size: float) -> int:
+    """The number of steps of a size in s that a run for a duration in s takes: those up to the nearest to its end.
+
+    :raises InputError: there is none, so that nothing would move.
+    """
+    if (steps := step_at(duration, size)) < 1:
+        remedy = f"Give a time of {size:g} s or more, or a smaller step."
+        raise InputError(f"a run of {duration:g} s has no step: one takes {size:g} s", remedy)
+    return steps
+
+
 Value = float | str | Sequence[float]  # of a key of a mechanism file: in SI units, or a text such as "30 deg"
 
 
