@@ -23,6 +23,7 @@ from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
 from mbd_sim.mechanism.natural_units import natural_units
 from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.model.commands import number_of
 from mbd_sim.simulation.model.live_values import PreparedValues, opens_loops
 from mbd_sim.simulation.model.model import Model
 from mbd_sim.simulation.model.penetrations import require_no_deeper, require_outside
@@ -51,7 +52,7 @@ def checked_values(
 
     At the start, drives that follow commands can be given positions as well.
 
-    :raises CommandError: an unknown or driven coordinate, a value that is not finite, or nothing to set.
+    :raises CommandError: an unknown or driven coordinate, a value that is no finite number, or nothing to set.
     """
     drives = commanded_drives(model.mechanism)
     for key, values in (("position", positions), ("velocity", speeds)):
@@ -62,7 +63,7 @@ def checked_values(
                 raise CommandError(
                     f"there is no joint '{name}'", nearest(name, (*model.coordinate_names, *model.driven_names))
                 )
-        if bad := [name for name, value in values.items() if not math.isfinite(value)]:
+        if bad := [name for name, value in values.items() if not math.isfinite(number_of(f"{key} of {name}", value))]:
             raise CommandError(f"the {key} of {listed(bad)} is not finite", "Give finite numbers.")
     for name in (name for name in positions if name in drives):  # in the order in which they are given
         lower, upper = drives[name].lower, drives[name].upper
@@ -71,7 +72,7 @@ def checked_values(
             raise CommandError(text, "Give a position within it.")
     if not positions and not speeds:
         raise CommandError("it sets nothing", "Give names, and a position or a velocity for each.")
-    return StateValues(dict(positions), dict(speeds))
+    return StateValues(*({name: float(value) for name, value in values.items()} for values in (positions, speeds)))
 
 
 def _driven_error(name: str, drive: CommandedDrive | None, at_start: bool) -> CommandError:

@@ -16,7 +16,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
-from mbd_sim.simulation.model.commands import Command, Efforts, require_parts
+from mbd_sim.simulation.model.commands import Command, Efforts, by_name, require_parts
 from mbd_sim.simulation.model.contact_pairs import require_computable_pairs
 from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues
 from mbd_sim.simulation.model.model import Model, build_model
@@ -324,11 +324,12 @@ class BaseSimulation(PresentState):
         Coordinates that are not named keep their values, except as far as closed loops require others. Efforts and
         wrenches stay. The audit does not include the resulting change of energy.
 
-        :raises CommandError: an unknown or driven coordinate, a value that is not finite, loops that cannot be closed
-            with these values, or parts inside each other or beyond a stop; nothing is changed then.
+        :raises CommandError: an unknown or driven coordinate, a value that is no finite number, loops that cannot be
+            closed with these values, or parts inside each other or beyond a stop; nothing is changed then.
         """
         before = self.energies.total
-        y = moved(self.model, self._memory, positions or {}, velocities or {})
+        given = ({} if each is None else by_name(each, "positions and velocities") for each in (positions, velocities))
+        y = moved(self.model, self._memory, *given)
         after = self.model.energies(self.time, y, 0.0, self._memory.inputs).total
         self.restore(y, self.steps, start_energy=self.start_energy + after - before)
 
@@ -448,7 +449,7 @@ class BaseSimulation(PresentState):
     def observe_contacts(self, observer: ContactObserver | None) -> None:
         """Let an observer see each impact and each event of contacts as it is found; None ends that.
 
-        :raises ValueError: the mechanism has no one-sided elements.
+        :raises ValueError: the mechanism has no one-sided elements, or the observer lacks a method.
         """
         if self._memory.stepper is None:
             raise ValueError(f"mechanism '{self.mechanism.name}' has no one-sided elements to observe")
