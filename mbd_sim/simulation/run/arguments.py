@@ -86,10 +86,12 @@ def step_at(time: float, size: float, steps: int = 0) -> int:
     """The number of the step nearest to a time in s.
 
     :param steps: the steps taken so far.
-    :raises ValueError: the time is not finite, or is before that step.
+    :raises ValueError: the time is not finite, is before that step, or needs too many steps to count them.
     """
     if not math.isfinite(time):
         raise ValueError(f"cannot run until t = {time} s: the time must be finite.")
+    if time / size > LARGEST:
+        raise ValueError(f"cannot run until t = {time:g} s: the number of steps cannot be larger than {LARGEST}.")
     if (last := round(time / size)) < steps:
         raise ValueError(
             f"cannot run until t = {time:g} s: the time is already {steps * size:g} s. "

@@ -124,3 +124,36 @@ def test_a_start_inside_an_obstacle_names_the_member():
     with pytest.raises(CommandError, match="member 0: "):
         ensemble.reset(q=np.array([[-0.1], [1.0]]))
     assert np.array_equal(ensemble.state, before)
+
+
+class Observer:
+    """Counts impacts, and raises an error at one of them."""
+
+    def __init__(self, fails_at=0):
+        self.impacts, self._fails_at = 0, fails_at
+
+    def impact(self, time, before, after):
+        self.impacts += 1
+        if self.impacts == self._fails_at:
+            raise KeyboardInterrupt
+
+    def event(self, event):
+        pass
+
+
+def test_an_error_of_an_observer_leaves_all_members_where_they_were():
+    """Those before it in the list had taken the steps, at the old time, and took them again in the next call."""
+    ensemble, fresh = Ensemble.from_file("bounce", 3), Ensemble.from_file("bounce", 3)
+    ensemble.step(100)
+    state = ensemble.state.copy()
+    ensemble.observe_contacts([Observer(), Observer(fails_at=2), Observer()])
+    with pytest.raises(KeyboardInterrupt):
+        ensemble.step(1900)
+    assert ensemble.steps == 100
+    assert np.array_equal(ensemble.state, state)
+    ensemble.observe_contacts([Observer() for _ in range(3)])
+    ensemble.step(1900)
+    fresh.step(100)
+    fresh.step(1900)
+    assert np.array_equal(ensemble.state, fresh.state)
+    assert np.array_equal(ensemble.energies.residual, fresh.energies.residual)
