@@ -17,6 +17,7 @@ from mbd_sim.mechanism.natural_units import coordinate_sizes, energy_size
 from mbd_sim.pictures.rerun.viewer import Viewer
 from mbd_sim.recordings.messages.events import publication_schedule
 from mbd_sim.simulation.model.model import UNKNOWN_ENERGY
+from mbd_sim.simulation.run.arguments import steps_in
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 SHOWN_RATE = 60.0  # states per simulated second that go to the viewer
@@ -92,13 +93,14 @@ def simulate(
 ) -> str:
     """Run for `duration` s, in a viewer if there is one, which is closed then; returns a summary.
 
+    :raises InputError: the duration is less than a step.
     :raises DivergedError: the state became infinite.
     """
+    last = steps_in(duration, simulation.step_size)
     feed = None if viewer is None else _ViewerFeed(viewer, simulation)
     samplers: list[PeriodicOutput] = [] if feed is None else [feed]
     if outputs is not None and outputs.frame_rate:
         samplers.append(_Frames(outputs, simulation))
-    last = round(duration / simulation.step_size)
     seconds_stepping = 0.0
     try:
         with ProgressBar(simulation.mechanism.name, quiet, total=duration, amount=SECONDS) as progress:

@@ -23,6 +23,7 @@ from mbd_sim.files.text.library import SUFFIXES, shipped
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.run.run_recorder import RunRecorder
 from mbd_sim.recordings.views.table import RunTable, read_table
+from mbd_sim.simulation.run.arguments import steps_in
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 OR_MECHANISM = "or a mechanism file, a URDF, MJCF or SDF, or the name of a shipped mechanism, which is run first"
@@ -82,7 +83,11 @@ def recorded_run(
 
 
 def run_for(simulation: BaseSimulation, duration: float, quiet: bool) -> None:
-    """Run for a duration in s, with a progress bar."""
+    """Run for a duration in s, with a progress bar.
+
+    :raises InputError: the duration is less than a step.
+    """
+    steps_in(duration, simulation.step_size)
     with ProgressBar(simulation.mechanism.name, quiet, total=duration, amount=SECONDS) as progress:
         simulation.run(until=duration, progress=progress.show)
 

@@ -192,7 +192,7 @@ def _require_same_structure(base: EquationData, other: EquationData) -> None:
         raise StructureError("it has different parts, joints or forces")
     for path, leaf in other.fixed.items():
         if not _same(leaf, base.fixed.get(path)):
-            raise StructureError(f"{_dotted(path)} differs, which is built into the equations")
+            raise StructureError(f"{_named(path, other.fixed)} differs, which is built into the equations")
 
 
 def _replaced(record: Any, path: Path, symbols: Mapping[Path, ca.SX], prefixes: set[Path]) -> Any:
@@ -226,6 +226,12 @@ def _same(one: Any, other: Any) -> bool:
 def _dotted(path: Path) -> str:
     """A path for a message, without its first step, which separates the mechanism from its links."""
     return ".".join(str(step) for step in path[1:])
+
+
+def _named(path: Path, leaves: Mapping[Path, Any]) -> str:
+    """A path for a message, in which records of a list, such as contacts, are named and not counted."""
+    steps = [leaves.get((*path[: place + 1], "name"), step) for place, step in enumerate(path)]
+    return _dotted(tuple(steps))
 
 
 # The fields of each record whose numbers can be symbols; records not listed have none.
@@ -289,7 +295,7 @@ _UNREAD: Mapping[type, tuple[str, ...]] = {
         "sensor_seed",
         "bases", "moved", "ranges",
     ),
-    Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
+    Part: ("inertia", "points", "shapes", "collisions"),  # the inertia is read from the link, shapes from contacts
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
     Link: ("q", "u", "disturbance"),
     Actuator: ("start",),

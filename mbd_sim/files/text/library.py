@@ -81,7 +81,10 @@ def find(mechanism: str | Path) -> Path:
     try:
         if str(mechanism).startswith(PACKAGE_URI):
             return packaged(str(mechanism), Path())
-        return _found(Path(mechanism).expanduser())
+        path = Path(mechanism).expanduser()
+        if str(mechanism) and path == Path():  # which has no name, as if none were given
+            raise MechanismError([_folder(path)])
+        return _found(path)
     except (OSError, ValueError, RuntimeError) as error:  # a name too long, a NUL in it, no such home directory
         why = getattr(error, "strerror", None) or str(error)
         raise MechanismError(
@@ -157,10 +160,10 @@ def _folder(path: Path) -> Problem:
 
 def _missing(path: Path) -> Problem:
     """The problem with a path at which there is no regular file."""
-    if path.is_symlink():
-        message, remedy = f"is a link to '{path.readlink()}', where there is no file", "Correct the link."
-    elif path.exists():
+    if path.exists():
         message, remedy = "is not a regular file", "Copy what it contains into a file."
+    elif path.is_symlink():
+        message, remedy = f"is a link to '{path.readlink()}', where there is no file", "Correct the link."
     else:
         beside = path.parent.iterdir() if path.parent.is_dir() else ()
         names = [str(near) for near in beside if near.suffix in SUFFIXES]

@@ -15,7 +15,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.lab.session.hold import Hold, at_rest, pulled, spring_for
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.live_values import names_with_matches
-from mbd_sim.simulation.run.changes import require_outside
+from mbd_sim.simulation.model.penetrations import require_outside
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 LIVE = (  # what can change while it runs, as far as the equations allow it

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, unpack_poses
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
-from mbd_sim.simulation.run.changes import penetrations
+from mbd_sim.simulation.model.penetrations import penetrations
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 FREQUENCY = 2.0  # Hz, of the held point on the spring of the hand

@@ -23,7 +23,7 @@ from mbd_sim.lab.session.bench import Bench
 from mbd_sim.lab.session.hold import at_rest, pulled, spring_for
 from mbd_sim.lab.session.link import NodeState, SocketEnd
 from mbd_sim.lab.session.session import Session
-from mbd_sim.simulation.run.changes import require_outside
+from mbd_sim.simulation.model.penetrations import require_outside
 
 STILL = 1e-9  # rad or m, by which a drive has not moved
 LIVE_PERIOD = 0.1  # s between changes of live values, each of which the node validates for milliseconds

@@ -24,6 +24,7 @@ from mbd_sim.many.sweep.plan import EFFORT, Statistics, column_names, coordinate
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.contact.stepper import EventError
 from mbd_sim.simulation.ensemble.ensemble import Ensemble
+from mbd_sim.simulation.run.arguments import steps_in
 
 CHUNK = 256  # runs
 
@@ -108,7 +109,7 @@ def _together(settings: Settings, mechanism: Mechanism, chunk: Chunk, threads: i
     values = [{name: v for name, v in change.items() if not name.startswith(EFFORT)} for change in chunk.changes]
     ensemble = Ensemble(mechanism, values, method=settings.method, step=settings.step, threads=threads)
     _set_efforts(ensemble, chunk)
-    steps, every = round(settings.until / ensemble.step_size), max(1, round(settings.every / ensemble.step_size))
+    steps, every = steps_in(settings.until, ensemble.step_size), max(1, round(settings.every / ensemble.step_size))
     names = ensemble.model.coordinate_names
     at = coordinates(ensemble)
     least, most, samples = at.copy(), at.copy(), [at]

@@ -80,7 +80,9 @@ def panels(
     require_names(names)
     for name in names:
         if not list(_BUILDERS[name](table)):
-            raise InputError(f"{table.path}: the recording contains no data for the plot '{name}'")
+            raise InputError(
+                f"{table.path}: the recording contains no data for the plot '{name}'", _REMEDIES.get(name, "")
+            )
     chosen = _chosen_coordinates(table, coordinates)
     found = [
         panel
@@ -239,6 +241,12 @@ def _joint_color(index: int) -> Color:
     return mixed(palette.PARTS[index % len(palette.PARTS)], _DARK, 0.18)
 
 
+_REMEDIES = {
+    "reactions": "Record the run with --reactions, or in a node with joint_reactions:=true.",
+    "contacts": "Record the run with --contact-forces, or in a node with contact_forces:=true. Stops of joints, and "
+    "contacts that never touch, have no forces to draw.",
+    "sensors": "Give the mechanism sensors.",
+}
 _BUILDERS = {
     "energies": _energies,
     "joints": _joints,

@@ -309,8 +309,8 @@ def _undeclared(node: Node, name: str) -> str:
     hint = ""
     if "." in name and "live" in known:
         hint = (
-            " Numbers of the mechanism file are parameters if 'live' names them at the start and the equations use "
-            "them: a joint with a drive, for example, has no damping."
+            " Numbers of the mechanism file are parameters if 'live' names them at the start and they can change in a "
+            "run: a joint with a drive, for example, has no damping, and the sizes of boxes that touch are built in."
         )
     return f"there is no parameter '{name}'. {nearest(name, known)}{hint}"
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import DivergedError
+from mbd_sim.base.errors import DivergedError, InputError, listed, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
@@ -85,6 +85,10 @@ class OneSidedStepper:
 
     @observer.setter
     def observer(self, observer: ContactObserver | None) -> None:
+        lacking = [name for name in ("impact", "event") if not callable(getattr(observer, name, None))]
+        if observer is not None and lacking:
+            remedy = "Give an object with the methods impact(time, before, after) and event(event)."
+            raise InputError(f"{quoted(observer)} observes no contacts: it has no method {listed(lacking)}", remedy)
         self._observer = observer
         self._contacts.observe(observer is not None)
 

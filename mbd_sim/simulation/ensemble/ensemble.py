@@ -350,11 +350,20 @@ class Ensemble(ReadOnlyAttributes):
     def step(self, n: int = 1) -> None:
         """Advance all members by n steps.
 
+        If an observer of contacts raises an error, or Ctrl-C ends the steps of a mechanism with contacts, all members
+        stay as they were before this call.
+
         :raises TypeError: n is not an integer.
         :raises ValueError: n is negative.
         """
         n, alive = step_count(n), self.alive
-        self._groups.advance(self.steps, self.step_size, n, self._threads)
+        before = self.snapshot() if self._steppers else None  # members with contacts are advanced one after the other
+        try:
+            self._groups.advance(self.steps, self.step_size, n, self._threads)
+        except BaseException:
+            if before is not None:
+                self.restore(before)
+            raise
         lost = np.flatnonzero(alive & ~self.alive).tolist()
         if lost:
             inputs = self._inputs

@@ -21,8 +21,8 @@ from mbd_sim.simulation.ensemble.variants import Variants
 from mbd_sim.simulation.kernel.memory import KernelMemory, one_sided_stepper
 from mbd_sim.simulation.model.builder import partial_system
 from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.model.penetrations import require_outside
 from mbd_sim.simulation.run.advice import advice_on_step, divergence
-from mbd_sim.simulation.run.changes import require_outside
 from mbd_sim.simulation.run.run_point import MemberFailure
 from mbd_sim.simulation.run.undefined_expressions import undefined_expression
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -304,6 +304,4 @@ def _hashable(value: float | str) -> float | str:
 
 
 def _of_member(member: int, error: MechanismError) -> MechanismError:
-    first, *rest = error.problems
-    head = Problem(f"member {member}: {first.message}", first.remedy, first.key, first.value, first.file, first.line)
-    return MechanismError([head, *rest])
+    return MechanismError([replace(each, message=f"member {member}: {each.message}") for each in error.problems])

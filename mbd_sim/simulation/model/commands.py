@@ -117,13 +117,32 @@ def _rows(what: str, value: object, shape: tuple[int, ...]) -> Array:
     return rows
 
 
-def _finite(name: str, value: Any) -> float:
+def number_of(name: str, value: Any) -> float:
+    """A number that a caller gives for what has a name, such as `command of elbow`; it need not be finite.
+
+    :raises CommandError: it is none.
+    """
     try:
         if isinstance(value, str | bytes):
             raise TypeError(f"{quoted(value)} is a text")
-        number = float(value)
+        return float(value)
     except (TypeError, ValueError) as error:
-        raise CommandError(f"the command of {name} is not a number ({error})", "Give a number.") from error
+        raise CommandError(f"the {name} is not a number ({error})", "Give a number.") from error
+
+
+def by_name(values: Any, what: str) -> Mapping[str, Any]:
+    """Values that must be given by name.
+
+    :param what: they are, for the error.
+    :raises CommandError: they are in another form, such as a list.
+    """
+    if not isinstance(values, Mapping):
+        raise CommandError(f"the {what} are not given by name: {quoted(values)}", "Give them as {name: value, …}.")
+    return values
+
+
+def _finite(name: str, value: Any) -> float:
+    number = number_of(f"command of {name}", value)
     if not math.isfinite(number):
         raise CommandError(f"the command of {name} is not finite", "Give a finite number.")
     return number
@@ -319,7 +338,7 @@ class WrenchMap:
         if part in self._parts:
             remedy = f"Build the simulation with wrenches=['{part}']."
             return CommandError(f"part '{part}' does not accept wrenches", remedy)
-        return CommandError(f"there is no part '{part}'", nearest(part, self.slices))
+        return CommandError(f"there is no part '{part}'", nearest(part, self._parts))
 
 
 def _vector(values: Sequence[float] | Array, name: str) -> Array:

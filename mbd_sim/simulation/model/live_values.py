@@ -22,7 +22,7 @@ from mbd_sim.files.checks.override import location_of, matching, number_at, valu
 from mbd_sim.files.text.units import parse_value
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.source import Location, value_at
-from mbd_sim.simulation.model.commands import EffortMap
+from mbd_sim.simulation.model.commands import EffortMap, by_name
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.kinematics.parameters import EquationData, SymbolicParameters
@@ -254,7 +254,7 @@ class LiveValues:
         from mbd_sim.dynamics.kinematics.parameters import StructureError, equation_data
 
         wanted: dict[str, float] = {}
-        for name, value in changes.items():
+        for name, value in by_name(changes, "live values").items():
             key = self._key(name)
             if key in wanted:
                 raise CommandError(f"'{key}' is given twice", "Remove one of the two.")

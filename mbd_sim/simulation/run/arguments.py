@@ -86,16 +86,29 @@ def step_at(time: float, size: float, steps: int = 0) -> int:
     """The number of the step nearest to a time in s.
 
     :param steps: the steps taken so far.
-    :raises ValueError: the time is not finite, or is before that step.
+    :raises ValueError: the time is not finite, is before that step, or needs too many steps to count them.
     """
     if not math.isfinite(time):
         raise ValueError(f"cannot run until t = {time} s: the time must be finite.")
+    if time / size > LARGEST:
+        raise ValueError(f"cannot run until t = {time:g} s: the number of steps cannot be larger than {LARGEST}.")
     if (last := round(time / size)) < steps:
         raise ValueError(
             f"cannot run until t = {time:g} s: the time is already {steps * size:g} s. "
             "Give a later time, or call reset() first."
         )
     return last
+
+
+def steps_in(duration: float, size: float) -> int:
+    """The number of steps of a size in s that a run for a duration in s takes: those up to the nearest to its end.
+
+    :raises InputError: there is none, so that nothing would move.
+    """
+    if (steps := step_at(duration, size)) < 1:
+        remedy = f"Give a time of {size:g} s or more, or a smaller step."
+        raise InputError(f"a run of {duration:g} s has no step: one takes {size:g} s", remedy)
+    return steps
 
 
 Value = float | str | Sequence[float]  # of a key of a mechanism file: in SI units, or a text such as "30 deg"

@@ -1,33 +1,32 @@
 """New states of a simulation between two steps: at time zero, with positions by name, or with other live values.
 
 With positions and speeds given by name, the new state has them, and all loops are closed. With other lengths, the
-mechanism is assembled anew from where it is. States are refused in which
-parts are inside each other, or beyond stops, ropes and other one-sided constraints.
+mechanism is assembled anew from where it is. States are refused in which parts are inside each other, or beyond stops,
+ropes and other one-sided constraints.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from operator import index
 from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim.base.errors import CommandError, MechanismError, listed, nearest
+from mbd_sim.base.errors import CommandError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import product
 from mbd_sim.dynamics.layouts.coordinate_names import names_of_q
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive
-from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.natural_units import natural_units
-from mbd_sim.mechanism.values.source import Location
 from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.model.commands import number_of
 from mbd_sim.simulation.model.live_values import PreparedValues, opens_loops
 from mbd_sim.simulation.model.model import Model
+from mbd_sim.simulation.model.penetrations import require_no_deeper, require_outside
 from mbd_sim.simulation.run.run_point import recorded_state
 
 DIGITS = 1e-3  # of all speeds, in the metric of the mass matrix, by which given ones may be rounded
@@ -53,7 +52,7 @@ def checked_values(
 
     At the start, drives that follow commands can be given positions as well.
 
-    :raises CommandError: an unknown or driven coordinate, a value that is not finite, or nothing to set.
+    :raises CommandError: an unknown or driven coordinate, a value that is no finite number, or nothing to set.
     """
     drives = commanded_drives(model.mechanism)
     for key, values in (("position", positions), ("velocity", speeds)):
@@ -64,7 +63,7 @@ def checked_values(
                 raise CommandError(
                     f"there is no joint '{name}'", nearest(name, (*model.coordinate_names, *model.driven_names))
                 )
-        if bad := [name for name, value in values.items() if not math.isfinite(value)]:
+        if bad := [name for name, value in values.items() if not math.isfinite(number_of(f"{key} of {name}", value))]:
             raise CommandError(f"the {key} of {listed(bad)} is not finite", "Give finite numbers.")
     for name in (name for name in positions if name in drives):  # in the order in which they are given
         lower, upper = drives[name].lower, drives[name].upper
@@ -73,7 +72,7 @@ def checked_values(
             raise CommandError(text, "Give a position within it.")
     if not positions and not speeds:
         raise CommandError("it sets nothing", "Give names, and a position or a velocity for each.")
-    return StateValues(dict(positions), dict(speeds))
+    return StateValues(*({name: float(value) for name, value in values.items()} for values in (positions, speeds)))
 
 
 def _driven_error(name: str, drive: CommandedDrive | None, at_start: bool) -> CommandError:
@@ -187,95 +186,6 @@ def _with_positions(model: Model, y: Array, positions: Mapping[str, float]) -> A
     return moved
 
 
-DEPTH = 1e-9  # of the size of the mechanism or its natural length, up to which a start counts as touching
-REMEDY = "Change the start positions so that the gap is zero or positive."
-RAISE = " A free base can be put on its floor with --floor, or load_mechanism(…, floor=True)."
-ROBOTS = (".urdf", ".sdf")  # whose base is fixed unless it is freed
-FREE = " Its base is fixed: --base free, or load_mechanism(…, base='free', floor=True), lets it stand on its floor."
-
-
-@dataclass(frozen=True)
-class Penetration:
-    """How far a one-sided element is beyond its limit: its `location` in the file, a sentence's end, more remedies."""
-
-    location: Location
-    text: str
-    remedy: str = ""
-
-
-def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Penetration]:
-    """The gaps of a state that are negative by more than round-off, of two bodies the deepest."""
-    if model.one_sided is None:
-        return []
-    functions = model.equations.one_sided
-    assert functions is not None
-    readings = model.one_sided.readings(time, y, inputs)
-    one_sided, found = functions.equations, []
-    limit = DEPTH * max(1.0, model.equations.constraints.size / one_sided.units.length)
-    gaps = zip(one_sided.gaps, readings.gaps.tolist(), one_sided.gap_units, strict=True)
-    reported = set[tuple[Location, tuple[str, str]]]()
-    for gap, distance, unit in sorted(gaps, key=lambda each: each[1]):
-        if gap.clutch or gap.numbers is not None or not distance < -limit * unit:
-            continue
-        if gap.bodies is not None:
-            if (gap.row.owner, gap.bodies) in reported:
-                continue
-            reported.add((gap.row.owner, gap.bodies))
-        row, depth = gap.row, f"{-distance:.4g} {gap.row.unit}".strip()
-        match row.owner[0]:
-            case "contacts":
-                assert gap.bodies is not None
-                first, second = gap.bodies
-                found.append(Penetration(row.owner, f"'{first}' is {depth} inside '{second}'", _raised(model, second)))
-            case "joints":
-                found.append(Penetration((*row.owner, "limits"), f"the joint is {depth} beyond its {row.quantity}"))
-            case _:
-                found.append(Penetration(row.owner, f"the {row.quantity} is {depth} beyond the bound"))
-    if model.one_sided.features is not None:
-        for contact, depth_in_m in model.one_sided.features.depths(time, y, inputs):
-            if depth_in_m > limit * one_sided.units.length:
-                first, second = contact.names
-                text = f"'{first}' is {depth_in_m:.4g} m inside '{second}'"
-                found.append(Penetration(("contacts", contact.name), text, _raised(model, second)))
-    return found
-
-
-def _raised(model: Model, obstacle: str) -> str:
-    """How a robot is put on a plane of ground that it is inside; nothing for other obstacles."""
-    if obstacle.partition(".")[0] != GROUND:
-        return ""
-    joints = model.mechanism.all_joints.values()
-    has_free_base = any(joint.type == "free" and GROUND in (joint.parent, joint.child) for joint in joints)
-    if has_free_base:
-        return RAISE
-    return FREE if model.mechanism.source.file.lower().endswith(ROBOTS) else ""
-
-
-def require_free_start(model: Model) -> None:
-    """Refuse a mechanism that starts inside an obstacle.
-
-    :raises MechanismError: the elements are named, with the depths.
-    """
-    source, inputs = model.mechanism.source, model.inputs
-    problems = [
-        source.problem(each.location, f"at the start {each.text}", REMEDY + each.remedy)
-        for each in penetrations(model, 0.0, model.start, inputs)
-    ]
-    if problems:
-        raise MechanismError(problems)
-
-
-def require_outside(model: Model, time: float, y: Array, inputs: Array) -> None:
-    """Refuse a state inside an obstacle.
-
-    :raises CommandError: the first elements are named, with the depths.
-    """
-    if found := penetrations(model, time, y, inputs):
-        words = [f"{'.'.join(map(str, each.location))}: {each.text}" for each in found[:3]]
-        more = f", and {len(found) - 3} more" if len(found) > 3 else ""
-        raise CommandError(f"{'; '.join(words)}{more}", "Give positions in which they are apart or touch.")
-
-
 Coordinates = Sequence[float] | Array | Mapping[str, float]  # in order, or some by name
 
 
@@ -376,9 +286,10 @@ def with_live(
     inputs[model.input_layout.values] = prepared.inputs
     gap = model.violation(time, y, inputs).position
     length = natural_units(model.mechanism, model.equations.step).length
-    if not opens_loops(gap, model.violation(time, y, before).position, length):
-        return y.copy(), inputs, ""
     names = ", ".join(prepared.changes)
+    if not opens_loops(gap, model.violation(time, y, before).position, length):
+        require_no_deeper(model, time, y, before, inputs, names)
+        return y.copy(), inputs, ""
     if not prepared.reassemble:
         remedy = "Start again with the new value, or let the mechanism be assembled anew: reassemble=True."
         raise CommandError(f"{names}: this would open the loops by {gap:.3g}", remedy)

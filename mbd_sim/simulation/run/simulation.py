@@ -16,10 +16,11 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
-from mbd_sim.simulation.model.commands import Command, Efforts, require_parts
+from mbd_sim.simulation.model.commands import Command, Efforts, by_name, require_parts
 from mbd_sim.simulation.model.contact_pairs import require_computable_pairs
 from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues
 from mbd_sim.simulation.model.model import Model, build_model
+from mbd_sim.simulation.model.penetrations import require_free_start
 from mbd_sim.simulation.run.arguments import (
     SimulationOptions,
     Value,
@@ -29,7 +30,7 @@ from mbd_sim.simulation.run.arguments import (
     step_count,
     step_size,
 )
-from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, require_free_start, started, with_live
+from mbd_sim.simulation.run.changes import Coordinates, checked_steps, moved, started, with_live
 from mbd_sim.simulation.run.events import ChangedValues, EventKind, RunListener, RunReports
 from mbd_sim.simulation.run.inputs import EffortWriter, RunInputs
 from mbd_sim.simulation.run.present_state import PresentState
@@ -323,11 +324,12 @@ class BaseSimulation(PresentState):
         Coordinates that are not named keep their values, except as far as closed loops require others. Efforts and
         wrenches stay. The audit does not include the resulting change of energy.
 
-        :raises CommandError: an unknown or driven coordinate, a value that is not finite, loops that cannot be closed
-            with these values, or parts inside each other or beyond a stop; nothing is changed then.
+        :raises CommandError: an unknown or driven coordinate, a value that is no finite number, loops that cannot be
+            closed with these values, or parts inside each other or beyond a stop; nothing is changed then.
         """
         before = self.energies.total
-        y = moved(self.model, self._memory, positions or {}, velocities or {})
+        given = ({} if each is None else by_name(each, "positions and velocities") for each in (positions, velocities))
+        y = moved(self.model, self._memory, *given)
         after = self.model.energies(self.time, y, 0.0, self._memory.inputs).total
         self.restore(y, self.steps, start_energy=self.start_energy + after - before)
 
@@ -405,8 +407,9 @@ class BaseSimulation(PresentState):
         :param changes: numbers in SI units, or texts with units such as `"30 deg"`, by their keys.
         :param reassemble: where a change would open loops, assemble the mechanism anew from where it is: the nearest
             configuration, with the speeds of least kinetic energy of their change.
-        :raises CommandError: an unknown key, a value that does not fit, or one that would open loops, with `reassemble`
-            one with which they cannot be closed from here; nothing is changed then.
+        :raises CommandError: an unknown key, a value that does not fit, one that would open loops, with `reassemble`
+            one with which they cannot be closed from here, or one that would put parts inside each other or beyond a
+            stop; nothing is changed then.
         """
         self.apply_live(self.prepare_live(changes, reassemble=reassemble))
 
@@ -425,7 +428,8 @@ class BaseSimulation(PresentState):
 
         Efforts beyond changed limits are clamped.
 
-        :raises CommandError: the change would open loops in the present state; nothing is changed then.
+        :raises CommandError: in the present state the change would open loops, or put parts inside each other or beyond
+            a stop; nothing is changed then.
         """
         y, inputs, told = with_live(self.model, self._memory, self.live, prepared)
         before = self.energies.total
@@ -445,7 +449,7 @@ class BaseSimulation(PresentState):
     def observe_contacts(self, observer: ContactObserver | None) -> None:
         """Let an observer see each impact and each event of contacts as it is found; None ends that.
 
-        :raises ValueError: the mechanism has no one-sided elements.
+        :raises ValueError: the mechanism has no one-sided elements, or the observer lacks a method.
         """
         if self._memory.stepper is None:
             raise ValueError(f"mechanism '{self.mechanism.name}' has no one-sided elements to observe")

@@ -28,7 +28,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.natural_units import natural_units
-from mbd_sim.simulation.run.changes import require_outside
+from mbd_sim.simulation.model.penetrations import require_outside
 from mbd_sim.simulation.run.simulation import BaseSimulation
 
 BALANCED = 1e-9  # the accelerations that may remain with contacts, in units of gravity or of those at the start

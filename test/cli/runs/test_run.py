@@ -175,6 +175,12 @@ def test_a_coordinate_of_several_starts_where_it_is_put(run, tmp_path):
         (["run", "double_rod", "--animate", "run.avi"], r"Choose one of \.gif, \.webp, \.mp4, \.html"),
         (["run", "double_rod", "--reactions"], r"--reactions: nothing is recorded.*Give --out or --plot"),
         (["run", "double_rod", "--out", "a.csv", "--rate", "5000"], r"5000 Hz cannot be recorded.*1000 Hz"),
+        (
+            ["run", "double_rod", "--time", "1", "--step", "3"],
+            "a run of 1 s has no step: one takes 3 s. Give a time of 3",
+        ),
+        (["plot", "double_rod", "--time", "1e-5", "--out", "p.png"], "a run of 1e-05 s has no step: one takes 0.001 s"),
+        (["sweep", "double_rod", "--vary", "l=1,2", "--time", "1e-5"], "a run of 1e-05 s has no step"),
         (["plot", "double_rad", "--out", "p.png"], "neither a recording nor a shipped mechanism.*'double_rod'"),
         (["plot", "missing.mcap", "--out", "p.png"], r"missing\.mcap: there is no such file"),
         (["export", "missing/run", "--out", "t.csv"], "there is no such file or folder"),

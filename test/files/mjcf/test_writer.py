@@ -9,6 +9,7 @@ from mbd_sim import Simulation
 from mbd_sim.cli.main import main
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.files.mjcf.writer import to_mjcf
+from mbd_sim.files.sdf.writer import to_sdf
 from test.files.mjcf.models import BODIES, EQUALITIES, LINKS
 from test.generators.mechanisms import AUDITED, FLOATING, consistent_state, random_state
 from test.oracles.mujoco_oracle import MujocoOracle, OwnAccelerations, import_mujoco
@@ -225,3 +226,17 @@ sensors: {gyro: {type: imu, at: b}}
     assert "effort limits of joints: pin" in left_out
     assert "forces, efforts, potentials and bushings: wind" in left_out
     assert "sensors: gyro" in left_out
+
+
+def test_what_is_left_out_of_several_pairs_of_bodies_is_told_once():
+    """A contact of many bodies was listed once for each of its pairs."""
+    bodies = "\n".join(f"  b{i}: {{shape: {{type: sphere, radius: 0.1, mass: 1}}}}" for i in range(4))
+    joints = "\n".join(f"  b{i}: {{type: free, between: [ground, b{i}], position: [{i}, 0, 1]}}" for i in range(4))
+    text = f"mechanism: balls\nparts:\n{bodies}\njoints:\n{joints}\ncontacts:\n"
+    text += "  hit: {among: all, restitution: 0.5}\n  floor: {parts: all, plane: ground, restitution: 0.5}\n"
+    mechanism = parse_mechanism(text)
+    for written in (to_mjcf(mechanism), to_sdf(mechanism)):
+        assert written.left_out
+        for note in written.left_out:
+            names = note.partition(": ")[2].split(", ")
+            assert len(set(names)) == len(names), note

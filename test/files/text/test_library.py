@@ -1,5 +1,6 @@
 """Mechanisms found by path and by shipped name."""
 
+import os
 import pkgutil
 from pathlib import Path
 
@@ -81,6 +82,12 @@ def test_what_is_there_but_no_mechanism_file_is_not_said_to_be_missing(tmp_path,
     assert refusal("text.txt").remedy == "Rename it, for example to 'text.yaml'."
     assert refusal("link.yaml").message == "is a link to 'nowhere.yaml', where there is no file"
     assert refusal("/dev/null").message == "is not a regular file"
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "pipe.yaml").symlink_to("pipe")  # as /dev/stdin is a link to what feeds it
+    assert refusal("pipe.yaml").message == "is not a regular file"
+    for folder in (".", "./", "..", str(tmp_path)):  # the first two were said to be a shipped name without letters
+        assert refusal(folder).message == "is a folder"
+    assert refusal("").message == "there is no shipped mechanism of this name"
 
 
 @pytest.mark.parametrize(

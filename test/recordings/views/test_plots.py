@@ -153,6 +153,9 @@ def test_plots_without_data_are_reported(recording, tmp_path, capsys):
     bag = foreign_bag(tmp_path / "robot.mcap")
     assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet", "--show", "residual"]) == 1
     assert "contains no data for the plot 'residual'" in capsys.readouterr().err
+    for name, remedy in (("reactions", "--reactions"), ("contacts", "--contact-forces")):
+        assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet", "--show", name]) == 1
+        assert f"no data for the plot '{name}'. Record the run with {remedy}" in capsys.readouterr().err
     assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet"]) == 0
 
 

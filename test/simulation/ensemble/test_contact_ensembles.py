@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from mbd_sim import CommandError, DivergedError, Ensemble, Simulation
+from mbd_sim import CommandError, DivergedError, Ensemble, MechanismError, Simulation
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.simulation.contact.stepper import EventError
 
@@ -124,3 +124,64 @@ def test_a_start_inside_an_obstacle_names_the_member():
     with pytest.raises(CommandError, match="member 0: "):
         ensemble.reset(q=np.array([[-0.1], [1.0]]))
     assert np.array_equal(ensemble.state, before)
+
+
+class Observer:
+    """Counts impacts, and raises an error at one of them."""
+
+    def __init__(self, fails_at=0):
+        self.impacts, self._fails_at = 0, fails_at
+
+    def impact(self, time, before, after):
+        self.impacts += 1
+        if self.impacts == self._fails_at:
+            raise KeyboardInterrupt
+
+    def event(self, event):
+        pass
+
+
+def test_an_error_of_an_observer_leaves_all_members_where_they_were():
+    """Those before it in the list had taken the steps, at the old time, and took them again in the next call."""
+    ensemble, fresh = Ensemble.from_file("bounce", 3), Ensemble.from_file("bounce", 3)
+    ensemble.step(100)
+    state = ensemble.state.copy()
+    ensemble.observe_contacts([Observer(), Observer(fails_at=2), Observer()])
+    with pytest.raises(KeyboardInterrupt):
+        ensemble.step(1900)
+    assert ensemble.steps == 100
+    assert np.array_equal(ensemble.state, state)
+    ensemble.observe_contacts([Observer() for _ in range(3)])
+    ensemble.step(1900)
+    fresh.step(100)
+    fresh.step(1900)
+    assert np.array_equal(ensemble.state, fresh.state)
+    assert np.array_equal(ensemble.energies.residual, fresh.energies.residual)
+
+
+BOXES = """
+mechanism: boxes
+parameters: {w: 0.2, mu: 0.3}
+parts:
+  a: {shape: {type: block, size: [w, 0.2, 0.2], mass: 1}}
+  b: {shape: {type: block, size: [0.2, 0.2, 0.2], mass: 1}}
+joints:
+  a: {type: free, between: [ground, a], position: [0, 0, 0.1]}
+  b: {type: free, between: [ground, b], position: [1, 0, 0.1]}
+contacts:
+  floor: {parts: [a], plane: ground, friction: mu}
+  meet: {between: [a, b], friction: mu}
+"""
+
+
+def test_a_size_that_members_cannot_share_names_the_contact():
+    """It was named by its place in a list of pairs of bodies, which the file does not have."""
+    with pytest.raises(MechanismError, match=r"contacts\.(floor|meet)\.\S+ differs, which is built into"):
+        Ensemble(parse_mechanism(BOXES), [{"w": 0.2}, {"w": 0.3}])
+
+
+def test_each_problem_of_a_member_names_it():
+    with pytest.raises(MechanismError) as error:
+        Ensemble(parse_mechanism(BOXES), [{"mu": 0.1}, {"mu": -0.1}])
+    assert len(error.value.problems) == 2
+    assert all(problem.message.startswith("member 1: must be at least 0") for problem in error.value.problems)

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from mbd_sim import Ensemble, Simulation
+from mbd_sim import CommandError, Ensemble, Simulation
 
 REMEDIES = {
     "q": "reset(q=", "u": "reset(q=", "y": "restore(", "state": "restore(", "t": "reset()", "time": "reset()",
@@ -88,3 +88,49 @@ def test_members_of_an_ensemble_cannot_be_written():
     for name in ("q", "u", "state", "steps", "time", "t", "alive", "step_size", "mechanism", "model"):
         with pytest.raises(AttributeError, match=f"'{name}' of a Ensemble cannot be assigned. "):
             setattr(rods, name, 1.0)
+
+
+STOP = """
+mechanism: stop
+parameters: {k: 3}
+parts: {a: {mass: 1}}
+joints:
+  a: {type: prismatic, between: [ground, a], axis: [1, 0, 0], stiffness: k, limits: {lower: -1, upper: 1, restitution: 0.5}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda sim: sim.set_state({"a": "5 cm"}), "the position of a is not a number ('5 cm' is a text). Give a number"),
+        (lambda sim: sim.set_state(velocities={"a": None}), "the velocity of a is not a number"),
+        (lambda sim: sim.set_state({"a": [0.1, 0.2]}), "the position of a is not a number"),
+        (lambda sim: sim.reset(q={"a": "0.1"}), "the position of a is not a number"),
+        (lambda sim: sim.set_state([0.1]), "the positions and velocities are not given by name: [0.1]. Give them as {"),
+        (lambda sim: sim.set_state(np.array([0.1])), "the positions and velocities are not given by name"),
+        (lambda sim: sim.set_live([("k", 1.0)]), "the live values are not given by name"),
+        (lambda sim: sim.set_live(None), "the live values are not given by name: None"),
+        (lambda sim: sim.set_wrench("b", force=[1, 0, 0]), "there is no part 'b'. Valid: a."),
+    ],
+)  # fmt: skip
+def test_what_is_not_given_by_name_or_no_number_is_refused_by_the_name_of_what_it_is(stopped, call, message):
+    """Python's own errors said `must be real number, not str`, or that a tuple has no attribute, without the name."""
+    y = stopped.y.copy()
+    with pytest.raises(CommandError) as error:
+        call(stopped)
+    assert message in str(error.value)
+    assert np.array_equal(stopped.y, y)
+
+
+@pytest.mark.parametrize("observer", [print, "text", object(), lambda event: None])
+def test_an_observer_of_contacts_without_its_methods_is_refused_at_once(stopped, observer):
+    """The first impact ended the run otherwise, in the middle of a step."""
+    with pytest.raises(ValueError, match=r"no method impact, event\. Give an object with the methods impact\(time"):
+        stopped.observe_contacts(observer)
+    stopped.set_state(velocities={"a": 9.0})
+    stopped.step(200)
+
+
+@pytest.fixture(scope="module")
+def stopped():
+    return Simulation.from_text(STOP, live=["k"])

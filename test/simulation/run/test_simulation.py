@@ -311,7 +311,7 @@ class TestWholeSteps:
         assert type(sim.steps) is int
         assert sim.steps == 3
 
-    @pytest.mark.parametrize("until", [math.nan, math.inf])
+    @pytest.mark.parametrize("until", [math.nan, math.inf, 1e300])  # the last would take for ever
     def test_running_until_no_finite_time_is_refused(self, sim, until):
         with pytest.raises(ValueError, match="cannot run until"):
             sim.run(until=until)

@@ -184,10 +184,10 @@ class Written:
 def written(root: Element, left_out: Mapping[str, Sequence[str]], *, declaration: bool = False) -> Written:
     """The file with this root element, and at its beginning a comment on what it does not contain.
 
-    :param left_out: the names of what is left out, by kind.
+    :param left_out: the names of what is left out, by kind; a name that several pairs of bodies share is told once.
     :param declaration: whether the file begins with an XML declaration.
     """
-    sentences = tuple(f"{kind}: {listed(names, MOST)}" for kind, names in left_out.items())
+    sentences = tuple(f"{kind}: {listed(list(dict.fromkeys(names)), MOST)}" for kind, names in left_out.items())
     if sentences:
         # A comment must not contain "--", nor end with "-".
         root.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(sentences)} ".replace("--", "- -")))

@@ -180,6 +180,10 @@ class FeaturePairs:
         found = ((pair, pair.phase.distance(*pair.poses(poses))) for pair in self.pairs)
         return {gap: distance for pair, distance in found for gap in pair.gaps}
 
+    def are_moved(self, time: float, y: Array, inputs: Array, others: Array) -> bool:
+        """Whether parts are elsewhere with other inputs at the same state: live values may move the ends of joints."""
+        return not np.array_equal(self._poses(time, y, inputs), self._poses(time, y, others))
+
     def depths(self, time: float, y: Array, inputs: Array) -> Iterator[tuple[Contact, float]]:
         """The contacts whose bodies penetrate each other at a state, with the depths in m."""
         poses = self._poses(time, y, inputs)
