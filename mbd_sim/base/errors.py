@@ -177,6 +177,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def cause_of(error: Exception) -> str:
+    """What an error of the operating system says, without its number; of others their text."""
+    return getattr(error, "strerror", None) or str(error)
+
+
 def listed(names: Sequence[str], max_count: int = 12) -> str:
     """The names separated by commas; if there are more than one beyond `max_count`, only their number."""
     if len(names) <= max_count + 1:

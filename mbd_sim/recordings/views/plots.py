@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, MbdSimError
+from mbd_sim.base.errors import InputError, MbdSimError, cause_of
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
 from mbd_sim.recordings.run.changed_run import ChangedRun, ComparedSeries
@@ -92,7 +92,7 @@ def _draw(path: Path, plot: _Plot) -> None:
     except InputError:  # already has a remedy
         raise
     except (OSError, ValueError) as error:
-        raise MbdSimError(f"{path} cannot be drawn: {error}") from error
+        raise MbdSimError(f"{path} cannot be drawn: {cause_of(error)}") from error
 
 
 def _draw_picture(path: Path, plot: _Plot) -> None:

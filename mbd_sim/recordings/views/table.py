@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, MbdSimError, listed
+from mbd_sim.base.errors import InputError, MbdSimError, cause_of, listed
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import from_quaternion
 from mbd_sim.base.packages import require_packages
@@ -372,7 +372,7 @@ def write_columns(path: Path, found: Columns, about: Mapping[str, str]) -> None:
         else:
             _write_parquet(path, found, about)
     except OSError as error:
-        raise MbdSimError(f"{path} cannot be written: {error}") from error
+        raise MbdSimError(f"{path} cannot be written: {cause_of(error)}") from error
 
 
 def _write_csv(path: Path, found: Columns) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.base.errors import InputError, MbdSimError, nearest
+from mbd_sim.base.errors import InputError, MbdSimError, cause_of, nearest
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.spanning_tree import split_reference
@@ -209,7 +209,7 @@ def draw_motion(
             _draw_mechanism(figure, picture, _mechanism(motion, points, _dots(motion, points, targets)))
         figure.savefig(path, dpi=RESOLUTION)
     except (OSError, ValueError) as error:
-        raise MbdSimError(f"{path} cannot be drawn: {error}") from error
+        raise MbdSimError(f"{path} cannot be drawn: {cause_of(error)}") from error
 
 
 def _draw_mechanism(figure: Any, axes: Any, mechanism: Composition) -> None:

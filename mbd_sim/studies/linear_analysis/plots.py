@@ -20,7 +20,7 @@ from mbd_sim.analysis.linear.linearization import (
     size_of_zeros,
 )
 from mbd_sim.analysis.linear.state_space import StateSpace
-from mbd_sim.base.errors import InputError, MbdSimError
+from mbd_sim.base.errors import InputError, MbdSimError, cause_of
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.packages import require_packages
 from mbd_sim.dynamics.equations import Equations
@@ -120,7 +120,7 @@ def _save(figure: Any, path: str | Path) -> None:
     try:
         figure.savefig(path, dpi=150)
     except (OSError, ValueError) as error:
-        raise MbdSimError(f"{path} cannot be drawn: {error}") from error
+        raise MbdSimError(f"{path} cannot be drawn: {cause_of(error)}") from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.errors import MbdSimError, cause_of
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
 from mbd_sim.studies.kinematic_analysis.picture import RESOLUTION, require_picture_suffix
@@ -66,7 +66,7 @@ def draw_duty(
         try:
             figure.savefig(path, dpi=RESOLUTION)
         except OSError as error:
-            raise MbdSimError(f"{path} cannot be drawn: {error}") from error
+            raise MbdSimError(f"{path} cannot be drawn: {cause_of(error)}") from error
 
 
 def _over_time(axes: Any, time: Array, values: Array, title: str, unit: str, color: str) -> None:

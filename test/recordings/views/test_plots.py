@@ -184,3 +184,13 @@ def test_chosen_coordinates_in_degrees(recording, tmp_path, capsys):
     assert main(["plot", str(recording), "--coordinates", first, "--deg", "--show", "phase", "--out", str(out)]) == 0
     assert main(["run", "double_rod", "--time", "0.01", "--deg", "--quiet"]) == 1
     assert "nothing is plotted" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device without space")
+@pytest.mark.parametrize(("words", "name"), [("plot", "run.svg"), ("plot", "run.html"), ("export", "run.csv")])
+def test_a_full_disk_is_told_in_words_without_numbers_of_errors(recording, tmp_path, capsys, words, name):
+    (tmp_path / name).symlink_to("/dev/full")
+    assert main([words, str(recording), "--out", str(tmp_path / name), "--quiet"]) == 1
+    printed = capsys.readouterr().err
+    assert "No space left on device" in printed
+    assert "Errno" not in printed
