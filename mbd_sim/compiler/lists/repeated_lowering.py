@@ -1,7 +1,7 @@
-"""Functions with parts that repeat to LLVM IR: a loop for each family of like parts, over tables of what differs.
+"""Functions with sections that repeat to LLVM IR: a loop for each group of like sections, over tables of what differs.
 
 Each operation is the one of `mbd_sim.compiler.lists.lowering`, so that the results have the same bits. What this saves
-is the compilation: of twenty balls that can touch each other, nine tenths of the operations are in such parts.
+is the compilation: of twenty balls that can touch each other, nine tenths of the operations are in such sections.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from mbd_sim.compiler.lists.instruction_list import (
     is_leaf,
 )
 from mbd_sim.compiler.lists.lowering import Lowering, define, lower
-from mbd_sim.compiler.lists.repeats import Family, Repeats, find_repeats
+from mbd_sim.compiler.lists.repeats import LikeSections, Repeats, find_repeats
 
-SHORTEST = 4000  # instructions from which on like parts are looked for
+SHORTEST = 4000  # instructions from which on like sections are looked for
 WORTHWHILE = 0.4  # of the operations, which loops must save
 
 Column: TypeAlias = tuple["int | None", Sequence[float]]  # an argument, and where in it; or None, and constants
 
 
 def lower_repeated(module: Module, function: Instructions, inline: bool, *, as_interpreted: bool = False) -> Function:
-    """Emit a function as `lower` does, with loops over the parts that repeat if that saves much."""
+    """Emit a function as `lower` does, with loops over the sections that repeat if that saves much."""
     if function.n_instructions() < SHORTEST:
         return lower(module, function, inline, as_interpreted=as_interpreted)
     graph = graph_of(function)
@@ -76,9 +76,9 @@ def _with_reciprocals(graph: Graph) -> Graph:
 
 
 class _Repeated:
-    """The emission of a function: the first families, then what does not repeat, then the last families.
+    """The emission of a function: the first groups, then what does not repeat, then the last groups.
 
-    What these take from each other is in an array, `shared`: the values of the first families, then the other ones.
+    What these take from each other is in an array, `shared`: the values of the first groups, then the other ones.
     """
 
     def __init__(
@@ -90,11 +90,11 @@ class _Repeated:
         self._outputs: dict[int, list[Output]] = {}
         for output in graph.outputs:
             self._outputs.setdefault(output.node, []).append(output)
-        inside = {node for family in (*repeats.first, *repeats.last) for part in family.parts for node in part}
+        inside = {node for group in (*repeats.first, *repeats.last) for section in group.sections for node in section}
         self._alone = [node for node in graph.used if node not in inside and not is_leaf(graph.nodes[node])]
-        taken = {node for family in repeats.last for operands in family.operands for node in operands}
+        taken = {node for group in repeats.last for operands in group.operands for node in operands}
         needed = taken | {operand for node in self._alone for operand in graph.nodes[node].operands}
-        likes = [like for family in repeats.first for like in zip(*family.parts, strict=True)]
+        likes = [like for group in repeats.first for like in zip(*group.sections, strict=True)]
         found = [node for like in likes if any(node in needed for node in like) for node in like]
         kept = [node for node in self._alone if node in taken]
         self._places, self._found = {node: place for place, node in enumerate((*found, *kept))}, len(found)
@@ -103,18 +103,18 @@ class _Repeated:
         """Emit all functions, and return the one that calls the others."""
         emitted, b = define(self._module, self._function.name(), self._arguments, inline, 1)
         shared = local_array(b, len(self._places))
-        for family in self._repeats.first:
-            b.call(self._emit_family(family), [*emitted.args, shared])
+        for group in self._repeats.first:
+            b.call(self._emit_group(group), [*emitted.args, shared])
         alone = lower(self._module, self._rest(), inline=False, as_interpreted=self._as_interpreted)
         given, results = emitted.args[: self._inputs], emitted.args[self._inputs :]
         b.call(alone, [*given, shared, *results, element(b, shared, self._found)])
-        for family in self._repeats.last:
-            b.call(self._emit_family(family), [*emitted.args, shared])
+        for group in self._repeats.last:
+            b.call(self._emit_group(group), [*emitted.args, shared])
         b.ret_void()
         return emitted
 
     def _rest(self) -> InstructionList:
-        """What does not repeat, with one more argument and one more result: what it takes from families and gives."""
+        """What does not repeat, with one more argument and one more result: what it takes from groups and gives."""
         graph, nodes, alone = self._graph, [*self._graph.nodes], set(self._alone)
         outputs = [each for each in graph.outputs if each.node in alone or is_leaf(graph.nodes[each.node])]
         for node, place in self._places.items():
@@ -125,14 +125,14 @@ class _Repeated:
         rest = Graph(nodes, outputs)
         return InstructionList(self._function, rest, rest.used).with_one_more(f"{self._function.name()}.alone")
 
-    def _emit_family(self, family: Family) -> Function:
-        """Emit `void family(in…, out…, shared)`: the operations of the first part, for all parts."""
-        name = f"{self._function.name()}.each.{family.parts[0][0]}"
+    def _emit_group(self, group: LikeSections) -> Function:
+        """Emit `void group(in…, out…, shared)`: the operations of the first section, for all sections."""
+        name = f"{self._function.name()}.each.{group.sections[0][0]}"
         emitted, b = define(self._module, name, self._arguments + 1, False, 1)
-        sources = [self._source(operands) for operands in zip(*family.operands, strict=True)]
-        targets = [self._targets(nodes) for nodes in zip(*family.parts, strict=True)]
-        rows = _Rows(self._module, f"{name}.rows", [*sources, *(target for each in targets for target in each)])
-        part, outside = family.parts[0], family.operands[0]
+        sources = [self._source(operands) for operands in zip(*group.operands, strict=True)]
+        targets = [self._targets(nodes) for nodes in zip(*group.sections, strict=True)]
+        rows = _PlaceTable(self._module, f"{name}.rows", [*sources, *(target for each in targets for target in each)])
+        section, outside = group.sections[0], group.operands[0]
 
         def compute(block: Value) -> None:
             wide = LaneBuilder(b.block, LANES)
@@ -143,7 +143,7 @@ class _Repeated:
                 entries = next(places)
                 taken = entries if argument is None else [load(b, emitted.args[argument], entry) for entry in entries]
                 values[node] = taken[0] if len(taken) == 1 else wide.gathered(taken)
-            for node, stores in zip(part, targets, strict=True):
+            for node, stores in zip(section, targets, strict=True):
                 operation, operands, _ = self._graph.nodes[node]
                 values[node] = low.operation(operation, *[values[operand] for operand in operands])
                 for target, _ in stores:
@@ -174,8 +174,8 @@ class _Repeated:
         return found
 
 
-class _Rows:
-    """A table with a row for each part: where its operands and its results are, and its constants.
+class _PlaceTable:
+    """A table with a row for each section: where its operands and its results are, and its constants.
 
     `LANES` rows are a block; the last one is repeated until the last block is full.
     """

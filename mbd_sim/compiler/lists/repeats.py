@@ -1,7 +1,7 @@
-"""Parts of a function that repeat: the same operations on other values, as for each pair of bodies that may touch.
+"""Sections of a function that repeat: the same operations on other values, as for each pair of bodies that may touch.
 
-A part is what is connected among the operations that few results need, or among those that depend on few inputs. What
-uses the former is one of them as well, and so are the operands of the latter: no part needs another one.
+A section is what is connected among the operations that few results need, or among those that depend on few inputs.
+What uses the former is one of them as well, and so are the operands of the latter: no section needs another one.
 """
 
 from __future__ import annotations
@@ -15,54 +15,54 @@ import casadi as ca
 
 from mbd_sim.compiler.lists.instruction_list import Graph, Node, is_leaf
 
-FEWEST = 4  # parts that are worth a loop
+FEWEST = 4  # sections that are worth a loop
 FEW = (8, 12, 16, 20, 24, 32)  # results or inputs; what saves most is taken
 
-Part: TypeAlias = tuple[int, ...]  # its nodes, in order
+Section: TypeAlias = tuple[int, ...]  # its nodes, in order
 Description: TypeAlias = tuple[tuple[object, ...], ...]
 
 
 @dataclass(frozen=True)
-class Family:
-    """Parts that are alike, node by node, with the same number of `operands` from outside."""
+class LikeSections:
+    """Sections that are alike, node by node, with the same number of `operands` from outside."""
 
-    parts: Sequence[Part]
+    sections: Sequence[Section]
     operands: Sequence[tuple[int, ...]]
 
     @property
     def saved(self) -> int:
-        """How many operations fewer there are in a loop over the parts."""
-        return (len(self.parts) - 1) * len(self.parts[0])
+        """How many operations fewer there are in a loop over the sections."""
+        return (len(self.sections) - 1) * len(self.sections[0])
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """The families that need nothing but inputs, and those that nothing else needs."""
+    """The groups that need nothing but inputs, and those that nothing else needs."""
 
-    first: Sequence[Family]
-    last: Sequence[Family]
+    first: Sequence[LikeSections]
+    last: Sequence[LikeSections]
 
     @property
     def saved(self) -> int:
         """How many operations fewer there are."""
-        return sum(family.saved for family in (*self.first, *self.last))
+        return sum(group.saved for group in (*self.first, *self.last))
 
 
 def find_repeats(graph: Graph) -> Repeats:
-    """The parts that repeat; no node is in two of them."""
+    """The sections that repeat; no node is in two of them."""
     last = _best(graph, _needed_by(graph))
-    taken = {node for family in last for part in family.parts for node in part}
+    taken = {node for group in last for section in group.sections for node in section}
     first = _best(graph, {node: count for node, count in _depending_on(graph).items() if node not in taken})
     return Repeats(first, last)
 
 
-def _best(graph: Graph, counts: Mapping[int, int]) -> list[Family]:
-    """The families among the operations that have few results or inputs, whichever number saves most."""
+def _best(graph: Graph, counts: Mapping[int, int]) -> list[LikeSections]:
+    """The groups among the operations that have few results or inputs, whichever number saves most."""
     found = []
     for few in FEW:
         chosen = [node for node, count in counts.items() if count <= few]
-        found.append(_families(graph, _connected(graph, chosen)))
-    return max(found, key=lambda families: sum(family.saved for family in families))
+        found.append(_groups(graph, _connected(graph, chosen)))
+    return max(found, key=lambda groups: sum(group.saved for group in groups))
 
 
 def _needed_by(graph: Graph) -> dict[int, int]:
@@ -103,7 +103,7 @@ def _counted(graph: Graph, sets: Mapping[int, set[int] | None]) -> dict[int, int
     return {number: len(own) for number, own in found if own is not None}
 
 
-def _connected(graph: Graph, chosen: Sequence[int]) -> list[Part]:
+def _connected(graph: Graph, chosen: Sequence[int]) -> list[Section]:
     """The chosen nodes, divided into those that are connected."""
     above = {number: number for number in chosen}
 
@@ -117,33 +117,35 @@ def _connected(graph: Graph, chosen: Sequence[int]) -> list[Part]:
         for operand in graph.nodes[number].operands:
             if operand in above:
                 above[root(operand)] = root(number)
-    parts: dict[int, list[int]] = {}
+    sections: dict[int, list[int]] = {}
     for number in chosen:
-        parts.setdefault(root(number), []).append(number)
-    return [tuple(part) for part in parts.values()]
+        sections.setdefault(root(number), []).append(number)
+    return [tuple(section) for section in sections.values()]
 
 
-def _families(graph: Graph, parts: Sequence[Part]) -> list[Family]:
+def _groups(graph: Graph, sections: Sequence[Section]) -> list[LikeSections]:
     results: dict[int, list[int]] = {}
     for output in graph.outputs:
         results.setdefault(output.node, []).append(output.result)
-    alike: dict[Description, tuple[list[Part], list[tuple[int, ...]]]] = {}
-    lengths = Counter(map(len, parts))
-    for part in parts:
-        if lengths[len(part)] < FEWEST:
+    alike: dict[Description, tuple[list[Section], list[tuple[int, ...]]]] = {}
+    lengths = Counter(map(len, sections))
+    for section in sections:
+        if lengths[len(section)] < FEWEST:
             continue
-        description, operands = _described(graph, part, results)
+        description, operands = _described(graph, section, results)
         own, given = alike.setdefault(description, ([], []))
-        own.append(part)
+        own.append(section)
         given.append(operands)
-    return [Family(own, given) for own, given in alike.values() if len(own) >= FEWEST]
+    return [LikeSections(own, given) for own, given in alike.values() if len(own) >= FEWEST]
 
 
-def _described(graph: Graph, part: Part, results: Mapping[int, Sequence[int]]) -> tuple[Description, tuple[int, ...]]:
-    """What is the same for like parts, and the operands from outside, each once."""
+def _described(
+    graph: Graph, section: Section, results: Mapping[int, Sequence[int]]
+) -> tuple[Description, tuple[int, ...]]:
+    """What is the same for like sections, and the operands from outside, each once."""
     own, outside = dict[int, int](), dict[int, int]()
     description: list[tuple[object, ...]] = []
-    for place, number in enumerate(part):
+    for place, number in enumerate(section):
         operation, operands, _ = graph.nodes[number]
         places = tuple(
             (own[operand],)

@@ -13,6 +13,7 @@ from mbd_sim.base.errors import counted, listed, printable
 from mbd_sim.mechanism.mechanism import Mechanism
 
 POSITION_ROUND_OFF = 1e-14  # relative to the size of the mechanism
+LISTED = 60  # open elements of a contact that each have a line
 NUMBERED = re.compile(r"_\d+$")  # of corners and slots of a pair
 
 
@@ -176,7 +177,20 @@ def _compliant_contacts(elements: dict[str, Any], size: float) -> list[str]:
 
 
 def _contact_lines(elements: dict[str, Any], size: float) -> Iterator[str]:
-    """A line for each element; one for open corners or slots of the same pair whose gaps are equal."""
+    """A line for each element; one for open corners or slots of the same pair whose gaps are equal.
+
+    Of a contact with more than `LISTED` open elements only the nearest one is named.
+    """
+    opened: dict[str, list[str]] = {}
+    for name, element in elements.items():
+        if element["state"] == "open":
+            opened.setdefault(name.partition(".")[0], []).append(name)
+    many = {contact: names for contact, names in opened.items() if len(names) > LISTED}
+    for contact, names in many.items():
+        nearest = min(names, key=lambda name: float(elements[name]["gap"]))
+        gap = f"{_rounded(elements[nearest]['gap'], size):.6g}"
+        yield f"  {contact}: {len(names)} open, the nearest is {nearest}, gap {gap}"
+    left_out = {name for names in many.values() for name in names}
 
     def described(item: tuple[str, Any]) -> tuple[str, str]:
         """The name of the pair, or for what is not open of the element, and the state."""
@@ -186,7 +200,9 @@ def _contact_lines(elements: dict[str, Any], size: float) -> Iterator[str]:
         return name, element["state"] + (f", force {element['normal']:.6g}" if element["normal"] else "")
 
     for (_, state), group in groupby(elements.items(), described):
-        names = [name for name, _ in group]
+        names = [name for name, _ in group if name not in left_out]
+        if not names:
+            continue
         last = f" to {names[-1].rpartition('_')[2]}" if len(names) > 1 else ""
         yield f"  {names[0]}{last}: {state}"
 

@@ -16,8 +16,8 @@ from mbd_sim.compiler.code.object_code import object_code
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.lists import lowering
 from mbd_sim.compiler.lists.instruction_list import Graph, InstructionList, Node, Output
+from mbd_sim.compiler.lists.lowering import export
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.python.bound_call import export
 from mbd_sim.compiler.python.bound_kernel import function_of_addresses
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism

@@ -21,11 +21,10 @@ from mbd_sim.compiler.lists.instruction_list import (
     graph_of,
 )
 from mbd_sim.compiler.lists.like_operations import like_operations
-from mbd_sim.compiler.lists.lowering import lower
+from mbd_sim.compiler.lists.lowering import export, lower
 from mbd_sim.compiler.lists.packed_lowering import lower_packed
 from mbd_sim.compiler.lists.packing import in_order
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.python.bound_call import export
 from mbd_sim.compiler.python.bound_kernel import function_of_addresses
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism

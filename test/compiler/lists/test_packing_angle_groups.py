@@ -10,9 +10,8 @@ import pytest
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.lists.instruction_list import Instruction, instructions_of
-from mbd_sim.compiler.lists.lowering import lower
+from mbd_sim.compiler.lists.lowering import export, lower
 from mbd_sim.compiler.lists.packing import angle_groups, packed_angles, vector_size
-from mbd_sim.compiler.python.bound_call import export
 from mbd_sim.compiler.python.bound_kernel import function_of_addresses
 
 

@@ -1,4 +1,4 @@
-"""Parts that repeat are found, and computed in loops with the same bits as one after the other."""
+"""Sections that repeat are found, and computed in loops with the same bits as one after the other."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from mbd_sim import Simulation
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.lists import repeated_lowering
 from mbd_sim.compiler.lists.instruction_list import graph_of, is_leaf
-from mbd_sim.compiler.lists.lowering import lower
+from mbd_sim.compiler.lists.lowering import export, lower
 from mbd_sim.compiler.lists.repeated_lowering import lower_repeated
 from mbd_sim.compiler.lists.repeats import find_repeats
 from mbd_sim.compiler.lists.schedule import arranged
-from mbd_sim.compiler.python.bound_call import export
 from mbd_sim.compiler.python.bound_kernel import function_of_addresses
 from mbd_sim.compiler.steps import guarded
 
@@ -38,7 +37,7 @@ contacts:
 
 @pytest.fixture
 def always(monkeypatch):
-    """Loops also where they save little; the families for which they are emitted."""
+    """Loops also where they save little; the groups for which they are emitted."""
     monkeypatch.setattr(repeated_lowering, "SHORTEST", 0)
     monkeypatch.setattr(repeated_lowering, "WORTHWHILE", 0.0)
     found = []
@@ -93,21 +92,21 @@ def test_loops_give_the_same_bits(always, count, as_interpreted):
         for how in (lower, lower_repeated)
     )
     assert looped == alone
-    assert sorted(len(family.parts) for family in always)[-2:] == sorted([count, count * (count - 1) // 2])
+    assert sorted(len(group.sections) for group in always)[-2:] == sorted([count, count * (count - 1) // 2])
 
 
 @pytest.mark.parametrize("count", [5, 12])
-def test_parts_are_found_whatever_they_share(count):
+def test_sections_are_found_whatever_they_share(count):
     graph = graph_of(arranged(pairs(count, 1)))
     found = find_repeats(graph)
-    assert max(len(family.parts) for family in found.first) == count
-    assert max(len(family.parts) for family in found.last) == count * (count - 1) // 2
+    assert max(len(group.sections) for group in found.first) == count
+    assert max(len(group.sections) for group in found.last) == count * (count - 1) // 2
     first, last = (
-        [node for family in one for part in family.parts for node in part] for one in (found.first, found.last)
+        [node for group in one for section in group.sections for node in section] for one in (found.first, found.last)
     )
     assert len({*first, *last}) == len(first) + len(last)
     leaves = {node for node in graph.used if is_leaf(graph.nodes[node])}
-    assert all(leaves.issuperset(operands) for family in found.first for operands in family.operands)
+    assert all(leaves.issuperset(operands) for group in found.first for operands in group.operands)
     needed = {
         operand
         for node in graph.used
@@ -128,7 +127,7 @@ def test_code_without_repeats_stays_as_it_is(monkeypatch):
 
 
 def test_balls_that_strike_each_other_move_the_same_bits_in_loops(always, monkeypatch):
-    """With loops over all like parts, and over gaps in the guards of steps."""
+    """With loops over all like sections, and over gaps in the guards of steps."""
     monkeypatch.setattr(guarded, "FEW", 2)
     looped = Simulation.from_text(BALLS)
     assert always

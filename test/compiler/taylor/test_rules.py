@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.code.host_module import compile_module, new_module
-from mbd_sim.compiler.lists.lowering import lower
-from mbd_sim.compiler.python.bound_call import export
+from mbd_sim.compiler.lists.lowering import export, lower
 from mbd_sim.compiler.taylor import expansion, recursion
 from mbd_sim.compiler.taylor.rules import NotAnalyticError, series_of
 
