@@ -209,7 +209,7 @@ class CompiledContacts:
         self.check()
 
     def end_step(self, time: float, y: Array, inputs: Array) -> None:
-        """After a step: see `compiled.pairs.end_step`."""
+        """After a step: see `compiled.touching.end_step`."""
         library().end_step(self._address, time, y.ctypes.data, inputs.ctypes.data)
         self.check()
 

@@ -25,6 +25,7 @@ from mbd_sim.simulation.contact.compiled import (
     slip,
     step,
     time_stepping,
+    touching,
 )
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
@@ -44,6 +45,7 @@ from mbd_sim.simulation.contact.compiled.features.round import (
     rounded_edges,
     slots,
     smooth,
+    smooth_distances,
 )
 from mbd_sim.simulation.contact.compiled.instant import (
     candidate_forces,
@@ -87,18 +89,20 @@ MODULES: tuple[ModuleType, ...] = (
     slip,
     slots,
     smooth,
+    smooth_distances,
     step,
     step_impulses,
     step_modes,
     time_stepping,
+    touching,
     vectors,
 )
 EXPORTED: tuple[Callable[..., Any], ...] = (
     members.advance_members,
     step.advance,
     time_stepping.advance_by_time_stepping,
-    pairs.end_step,
-    pairs.renew,
+    touching.end_step,
+    touching.renew,
     forces.unique_forces,
     forces.residual_of,
     forces.newton,
@@ -126,8 +130,8 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     polytope_distances.polytope_distance,
     polytopes.polytope_margin,
     polytopes.polytope_touching,
-    smooth.smooth_beyond,
-    smooth.smooth_distance,
+    smooth_distances.smooth_beyond,
+    smooth_distances.smooth_distance,
     smooth.smooth_margin,
     smooth.smooth_renew,
     smooth.smooth_touching,

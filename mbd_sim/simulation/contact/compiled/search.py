@@ -21,26 +21,19 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     readings_size,
 )
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
+from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 from mbd_sim.simulation.contact.compiled.pairs import (
-    AREA,
-    NEAREST,
-    ROOM,
-    WIDE,
-    WIDTH,
     FeaturePair,
     any_closed,
-    area_at,
     beyond_gaps,
     distance_at,
-    has_widened,
     may_meet,
-    narrow,
     note,
     pair_at,
     path_between,
 )
-from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
 from mbd_sim.simulation.contact.compiled.sliding import Sliding, forward
+from mbd_sim.simulation.contact.compiled.touching import AREA, NEAREST, ROOM, WIDE, WIDTH, area_at, has_widened, narrow
 
 ITERATIONS = 100
 ROUNDING = 2.0**-50  # of a bracket, next to which no place is tried

@@ -28,10 +28,11 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
 from mbd_sim.simulation.contact.compiled.instant.impact import impact, return_at_once
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, STOPPED, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.lengths import LONGER
-from mbd_sim.simulation.contact.compiled.pairs import end_step, may_meet, pair_at, renew
+from mbd_sim.simulation.contact.compiled.pairs import may_meet, pair_at
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
 from mbd_sim.simulation.contact.compiled.sliding import Sliding
 from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
+from mbd_sim.simulation.contact.compiled.touching import end_step, renew
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step

@@ -29,9 +29,6 @@ from mbd_sim.simulation.contact.compiled.pairs import (
     TOUCHING,
     FeaturePair,
     at_least,
-    end_step,
-    has_key,
-    key_of,
     note,
     pair_at,
     put,
@@ -47,6 +44,7 @@ from mbd_sim.simulation.contact.compiled.step import (
     record_changes,
     total_energy,
 )
+from mbd_sim.simulation.contact.compiled.touching import end_step, has_key, key_of
 
 NEAR = 0.01  # of the way at the natural speed in a step, within which features that touch together are found
 FARTHER = 2.0  # times the distance at which gaps can close, beyond which bodies have no features

@@ -1,4 +1,4 @@
-"""Two convex bodies of which at least one is round, for `compiled.features.round.smooth`."""
+"""Two convex bodies, at least one of them round, for `smooth` and `smooth_distances` in `compiled.features.round`."""
 
 from __future__ import annotations
 
