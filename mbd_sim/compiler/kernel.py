@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import casadi as ca
 
-from mbd_sim.compiler.code.host_module import compile_module, new_module
+from mbd_sim.base.disk_cache import casadi_version, records_digest
+from mbd_sim.compiler.code.host_module import compile_module, compiled_before, new_module
+from mbd_sim.compiler.code.machine_code import MachineCode
 from mbd_sim.compiler.ir.module import Function, Module
 from mbd_sim.compiler.lists.instruction_list import Instructions, passed_on
 from mbd_sim.compiler.lists.like_operations import Branch
@@ -72,7 +74,34 @@ def compile_kernel(
     :param scales: of the errors: see `System`.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
-    module = new_module()
+
+    def compile_all() -> tuple[MachineCode, KernelSignature]:
+        module = new_module()
+        needs = StepNeeds(rates, core, trace_partial_system, lambda function, *_: lower(module, function, inline=False))
+        signature = _emit_kernel(
+            module, needs, projection, readers, method, one_sided, between_steps, like_branches, scales
+        )
+        return compile_module(module), signature
+
+    if one_sided is None or method.uses_joints:
+        return Kernel(*compile_all())
+    everything = (rates, projection, dict(readers), method, core, one_sided, between_steps, like_branches, scales)
+    return Kernel(*compiled_before(compile_all, records_digest(everything), casadi_version()))
+
+
+def _emit_kernel(
+    module: Module,
+    needs: StepNeeds,
+    projection: ca.Function | None,
+    readers: Mapping[str, ca.Function],
+    method: Method,
+    one_sided: OneSidedSystem | None,
+    between_steps: BetweenSteps | None,
+    like_branches: Sequence[Sequence[Branch]],
+    scales: Scales,
+) -> KernelSignature:
+    """Emit the functions of a kernel, and say what is known of it: see `compile_kernel`."""
+    rates = needs.rates
     program = arranged(rates)
     system = emit_system(
         module,
@@ -80,12 +109,11 @@ def compile_kernel(
         program,
         projection,
         method,
-        core.stop,
+        needs.core.stop,
         between_steps=between_steps,
         packing=packed(program, like_branches) if module.fast else None,
         scales=scales,
     )
-    needs = StepNeeds(rates, core, trace_partial_system, lambda function, *_: lower(module, function, inline=False))
     if one_sided is None:
         advance = _emit_advance(module, system, method, needs)
     else:
@@ -98,12 +126,11 @@ def compile_kernel(
         counts |= emit_event_readers(module, one_sided, NOT_OPTIMIZED)
     for name, function in readers.items():
         export(module, f"read_{name}", lower(module, function, inline=True), NOT_OPTIMIZED)
-    signature = KernelSignature(
+    return KernelSignature(
         readers=counts,
         instructions=instruction_count(program),
         one_sided=one_sided is not None,
     )
-    return Kernel(compile_module(module), signature)
 
 
 def unfit(method: Method, rates: ca.Function, name_of: Callable[[int], str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -17,6 +18,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.integrators.explicit import EXPLICIT
 from mbd_sim.integrators.methods import METHODS
+from mbd_sim.simulation.model import builder
 from mbd_sim.simulation.model.model import build_model
 from test.generators.mechanisms import AUDITED, FLOATING
 from test.oracles.instruction_interpreter import fma, interpret
@@ -207,3 +209,39 @@ def test_a_model_is_usable_after_its_equations_are_gone():
     gc.collect(1)
     assert advance(kernel, y, np.zeros(1), 0, 1e-3, 10) == 1
     assert y[0] < start[0]
+
+
+BOUNCING = """
+mechanism: bouncing
+parts: {ball: {shape: {type: sphere, mass: 1, radius: 0.1}}}
+joints: {height: {type: prismatic, between: [ground, ball], axis: [0, 0, 1], position: 1}}
+contacts: {floor: {parts: [ball], plane: ground, restitution: 0.5}}
+"""
+
+
+def test_code_of_contacts_is_emitted_once(monkeypatch, tmp_path):
+    """A second start of a robot on its floor took six seconds, of which four emitted what was compiled before."""
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path))
+    monkeypatch.setattr(kernel_module, "compiled_before", host_module.compiled_before)
+
+    def compiled(text, method="tsitouras8"):
+        return builder._kernel(derive(parse_mechanism(text)), SimpleNamespace(method=METHODS[method]))
+
+    first = compiled(BOUNCING)
+
+    def emitted():
+        raise AssertionError("emitted again")
+
+    monkeypatch.setattr(kernel_module, "new_module", emitted)
+    again = compiled(BOUNCING)
+    assert again.signature == first.signature
+    assert again.code.key == first.code.key
+    stopped = BOUNCING.replace("position: 1", "position: 1, limits: {lower: -5, upper: 5, restitution: 0.1}")
+    for others in ((BOUNCING, "rk4"), (stopped,)):
+        with pytest.raises(AssertionError, match="emitted again"):
+            compiled(*others)
+    for entry in tmp_path.iterdir():
+        if entry.is_file() and entry.stat().st_size > 1500:
+            entry.unlink()  # the code itself is gone, as when the cache is full
+    with pytest.raises(AssertionError, match="emitted again"):
+        compiled(BOUNCING)

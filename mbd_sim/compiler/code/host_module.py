@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import logging
+import pickle
 import time
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import llvmlite.binding as llvm
 
 from mbd_sim.base import disk_cache
 from mbd_sim.compiler.code import machine_code
-from mbd_sim.compiler.code.machine_code import MachineCode, compiler_identity, host, linked
+from mbd_sim.compiler.code.machine_code import MachineCode, compiler_identity, host, linked, load_code
 from mbd_sim.compiler.code.object_code import object_code
 from mbd_sim.compiler.ir.builder import IRBuilder
 from mbd_sim.compiler.ir.module import Module
 
 LONG = 1_000_000  # characters of IR from which on the progress of a compilation, which takes seconds, is logged
+
+T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +45,21 @@ def compile_module(module: Module) -> MachineCode:
         codes[key] = _compiled(key, text)
     _log.log(severity, "compiled in %.1f s", time.monotonic() - began)
     return linked(keys, [code for code in codes.values() if code is not None])
+
+
+def compiled_before(compile_: Callable[[], tuple[MachineCode, T]], *contents: str) -> tuple[MachineCode, T]:
+    """Code and what is known of it, without emitting its IR if it was compiled from these contents before.
+
+    :param contents: everything that the IR depends on, but the versions.
+    """
+    name = disk_cache.key("emitted", *contents, *compiler_identity(), disk_cache.versions())
+    if (stored := disk_cache.load(name)) is not None:
+        key, about = pickle.loads(stored)  # noqa: S301  # as safe as the code there, which is executed
+        if (code := load_code(key)) is not None:
+            return code, about
+    code, found = compile_()
+    disk_cache.store(name, pickle.dumps((code.key, found)))
+    return code, found
 
 
 def compile_once(contents: Sequence[str], emit: Callable[[], str]) -> MachineCode:
