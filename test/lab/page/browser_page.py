@@ -130,7 +130,7 @@ class AnyPage:
 
     def _click_option(self, box, which):
         """Click the first such option of a list that opens at an element."""
-        box.press("ArrowDown")
+        box.press("ArrowDown", timeout=AT_ONCE)
         self.page.get_by_role("option").filter(**which).first.dispatch_event("click", timeout=OPENS)
 
     def select(self, label, option, arrived, what):
