@@ -116,10 +116,7 @@ def _emit_shared(
     small, order, small_right, x, gains, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
     total, mask = local_array(b, 1), element(b, inputs, active.first)
     given = element(b, inputs, active.given)
-
-    def belongs(row: Value) -> Value:
-        return b.icmp_signed("==", b.load(b.gep(island[0], row, INT), typ=INT), island[1]) if island else TRUE
-
+    belongs = partial(_belongs, b, island)
     chosen_row, (basis, size) = _choose(b, n, mask, [">", "<"], belongs)
     _gather(b, n, matrix, small, chosen_row, basis, size)
     b.call(active.solver.factorize, [small, order, basis])
@@ -162,6 +159,11 @@ def _emit_shared(
         solve_column(integer(column * n))
     b.ret_void()
     return function
+
+
+def _belongs(b: IRBuilder, island: Sequence[Value], row: Value) -> Value:
+    """Whether a row is one of an island, given by the islands (rows,) and its number; all are without."""
+    return b.icmp_signed("==", b.load(b.gep(island[0], row, INT), typ=INT), island[1]) if island else TRUE
 
 
 def _subtract_given(

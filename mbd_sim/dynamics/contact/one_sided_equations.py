@@ -340,10 +340,10 @@ def _require_few_slots(mechanism: Mechanism, gaps: Sequence[Gap]) -> None:
         return
     largest = max(own, key=lambda name: own[name])
     message = (
-        f"contacts of blocks, plates and rods with each other have {total} rows, {own[largest]} of them here; up to "
-        f"{MOST_ROWS} are possible"
+        f"contacts of blocks, plates, rods and hulls have {total} rows, {own[largest]} of them here; up to {MOST_ROWS} "
+        "are possible"
     )
-    remedy = "Name only the pairs that can meet with 'between', use a plane for a floor, or spheres for small parts."
+    remedy = "Name only the pairs that can meet with 'between'; planes and spheres have fewer rows."
     raise MechanismError([mechanism.source.problem(("contacts", largest), message, remedy)])
 
 
