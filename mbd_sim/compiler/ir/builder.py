@@ -270,13 +270,20 @@ class IRBuilder:
 
     def allocate(self, size: int) -> Value:
         """The address of new doubles that are freed where the function returns; only in its entry block."""
-        bytes_, allocate = integer(8 * size), self.module.declared("malloc", POINTER, [INT])
-        self.block.function.allocated.append(self.call(allocate, [bytes_]))
+        self.block.function.allocated.append(self.allocated(integer(size)))
         return self.block.function.allocated[-1]
+
+    def allocated(self, size: Value) -> Value:
+        """The address of new memory for so many doubles or integers, until it is freed."""
+        return self.call(self.module.declared("malloc", POINTER, [INT]), [self.mul(size, integer(8))])
+
+    def free(self, array: Value) -> None:
+        """Free memory."""
+        self.call(self.module.declared("free", VOID, [POINTER]), [array])
 
     def _free(self) -> None:
         for array in self.block.function.allocated:
-            self.call(self.module.declared("free", VOID, [POINTER]), [array])
+            self.free(array)
 
     def _terminate(self, instruction: str) -> None:
         self._lines.append(f"  {instruction}")
@@ -357,7 +364,7 @@ class IRBuilder:
 
 
 DOUBLE, INT = "double", "i64"
-FALSE, TRUE = Value(BOOL, "false"), Value(BOOL, "true")
+FALSE, TRUE, NULL = Value(BOOL, "false"), Value(BOOL, "true"), Value(POINTER, "null")
 
 VECTOR = 32  # bytes, of four doubles
 

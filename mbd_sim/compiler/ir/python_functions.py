@@ -5,7 +5,7 @@ The same text also runs as Python, with the same results to the last bit: each o
 - Parameters and results are annotated with `float`, `int`, `bool`, `Array`, `Integers`, or a record: a dataclass of
   such fields, of which each takes 8 bytes (`packed`).
 - Variables keep their kind. `a[i]` is an element, and `a[i:]` the array from there on.
-- `zeros(n)` and `integers(n)` are new arrays, on the stack of the function, and therefore not within loops.
+- `zeros(n)` and `integers(n)` are new arrays of the function, which end with it, and therefore not within loops.
 - An `External` calls machine code whose address is its first argument.
 - Numbers that are divided with `//` or `%` are not negative.
 """
@@ -22,9 +22,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
-from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, integer, number
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, NULL, IRBuilder, integer, number
 from mbd_sim.compiler.ir.module import BOOL, POINTER, BasicBlock, Function, FunctionType, Module, Type, Value
 from mbd_sim.compiler.ir.python_kinds import ELEMENTS, TYPES, External, integers, name_of, signature_of, zeros
+
+ON_STACK = 8_000  # numbers of an array at most, of several in each of a dozen functions that call each other
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ class _Translation:
         self._b = IRBuilder(self.function.append_basic_block("body"))
         self._first = self._b.block
         self._loops: list[tuple[BasicBlock, BasicBlock]] = []  # where `continue` and `break` lead
+        self._allocated: list[Value] = []  # the addresses of addresses of arrays that are not on the stack, or of null
         self._names: dict[str, tuple[str, Value]] = {}
         self._records: dict[str, Any] = {}  # those of fields of other records, by their kind
         parsed = _definitions(function.__module__)[function.__name__]
@@ -84,6 +87,7 @@ class _Translation:
         if not self._b.block.is_terminated:
             if self._result != "None":
                 raise self._unknown("a path without a result")
+            self._free()
             self._b.ret_void()
         self._entry.branch(self._first)
         return self.function
@@ -141,9 +145,11 @@ class _Translation:
 
     def _return(self, statement: ast.Return) -> None:
         if statement.value is None:
+            self._free()
             self._b.ret_void()
             return
         value = self._as(self._result, self._value(statement.value))
+        self._free()
         self._b.ret(self._b.zext(value, INT) if self._result == "bool" else value)
 
     def _if(self, statement: ast.If) -> None:
@@ -424,10 +430,25 @@ class _Translation:
     def _new_array(self, kind: str, size: Value) -> _Typed:
         if self._loops:
             raise self._unknown("a new array within a loop")
-        element = TYPES[ELEMENTS[kind]]
-        array, zero = self._b.alloca(element, size), number(0.0) if element == DOUBLE else integer(0)
+        element, memory, kept = TYPES[ELEMENTS[kind]], self._entry.alloca(POINTER), self._entry.alloca(POINTER)
+        self._entry.store(NULL, kept)
+        self._allocated.append(kept)
+        with self._b.if_else(self._b.icmp_signed(">", size, integer(ON_STACK)), likely=False) as (is_large, is_small):
+            with is_large:
+                self._b.store(self._b.allocated(size), kept)
+                self._b.store(self._b.load(kept, typ=POINTER), memory)
+            with is_small:
+                self._b.store(self._b.alloca(element, size), memory)
+        array, zero = self._b.load(memory, typ=POINTER), number(0.0) if element == DOUBLE else integer(0)
         self._b.loop(integer(0), size, lambda index: self._b.store(zero, self._b.gep(array, index, element)))
         return _Typed(kind, array)
+
+    def _free(self) -> None:
+        """Free what is not on the stack of the function."""
+        for kept in self._allocated:
+            array = self._b.load(kept, typ=POINTER)
+            with self._b.if_then(self._b.icmp_unsigned("!=", array, NULL), likely=False):
+                self._b.free(array)
 
     def _new_record(self, record: Any, values: Sequence[_Typed]) -> _Typed:
         own = fields(record)

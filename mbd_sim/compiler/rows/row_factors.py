@@ -16,6 +16,7 @@ from mbd_sim.compiler.ir.builder import FALSE, INT, TRUE, IRBuilder, element, in
 from mbd_sim.compiler.ir.dense_solver import where_coupled
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
+from mbd_sim.compiler.rows.islands import MANY
 from mbd_sim.compiler.rows.shared_rows import ActiveRows
 
 
@@ -55,6 +56,58 @@ class RowFactor:
 
 
 Factors: TypeAlias = tuple[RowFactor, RowFactor]  # L and R, of the same blocks
+
+
+class _DenseRows:
+    """The entries (size, count) of chosen columns of L, row by row."""
+
+    def __init__(self, b: IRBuilder, n: int, size: int, count: Value) -> None:
+        self._b, self._n, self._count, self._entries = b, n, count, local_array(b, size * n)
+
+    def put(self, k: Value, i: Value, value: Value) -> None:
+        """Emit the storage of an entry."""
+        store(self._b, value, self._entries, self._b.add(i, self._b.mul(k, integer(self._n))))
+
+    def add(self, k: Value, weight: Value, total: Value) -> None:
+        """Emit the addition of row k times a weight to a total (count,)."""
+        b, row = self._b, element(self._b, self._entries, self._b.mul(k, integer(self._n)))
+
+        def add(w: IRBuilder, i: Index) -> None:
+            store(w, w.fma(weight, load(w, row, i), load(w, total, i)), total, i)
+
+        with where_coupled(b, self._n, weight):
+            for_span(b, self._n, 0, self._count, add)
+
+
+class _SparseRows:
+    """The same with the same results, without entries that are zero: of many rows, each acts on few parts."""
+
+    def __init__(self, b: IRBuilder, n: int, size: int) -> None:
+        self._b, self._n = b, n
+        self._entries, self._columns, self._counts = (local_array(b, count) for count in (size * n, size * n, size))
+        loop(b, 0, size, lambda k: b.store(integer(0), b.gep(self._counts, k, INT)))
+
+    def put(self, k: Value, i: Value, value: Value) -> None:
+        """See `_DenseRows`."""
+        b = self._b
+        with b.if_then(b.fcmp_unordered("!=", value, number(0.0))):
+            at = b.gep(self._counts, k, INT)
+            place = b.add(b.load(at, typ=INT), b.mul(k, integer(self._n)))
+            store(b, value, self._entries, place)
+            b.store(i, b.gep(self._columns, place, INT))
+            b.store(b.add(b.load(at, typ=INT), integer(1)), at)
+
+    def add(self, k: Value, weight: Value, total: Value) -> None:
+        """See `_DenseRows`."""
+        b = self._b
+
+        def add(index: Value) -> None:
+            place = b.add(index, b.mul(k, integer(self._n)))
+            i = b.load(b.gep(self._columns, place, INT), typ=INT)
+            store(b, b.fma(weight, load(b, self._entries, place), load(b, total, i)), total, i)
+
+        with b.if_then(b.fcmp_unordered("!=", weight, number(0.0))):
+            loop(b, 0, b.load(b.gep(self._counts, k, INT), typ=INT), add)
 
 
 class _Tables:
@@ -132,29 +185,20 @@ def emit_product(module: Module, name: str, factors: Factors, active: ActiveRows
         _Tables(module, f"{name}.{side}", one) for side, one in zip(("left", "right"), factors, strict=True)
     )
     own, other, part = (local_array(b, max(count, 1)) for count in (size, size, max(by_left.most, by_right.most)))
-    rows, total = local_array(b, size * n), local_array(b, n)
+    total = local_array(b, n)
     by_row, by_column = (element(b, each, factors[0].starts[-1]) for each in (left, right))
     chosen, count = _chosen(b, n, inputs, active)
+    entries = _SparseRows(b, n, size) if n >= MANY else _DenseRows(b, n, size, count)
 
     def gather(i: Value) -> None:
         _column(b, by_left, left, by_row, chosen(i), own, part)
-        loop(b, 0, size, lambda k: store(b, load(b, own, k), rows, b.add(i, b.mul(k, integer(n)))))
+        loop(b, 0, size, lambda k: entries.put(k, i, load(b, own, k)))
 
     def multiply(j: Value) -> None:
         _column(b, by_right, right, by_column, chosen(j), other, part)
         loop(b, 0, count, lambda i: store(b, number(0.0), total, i))
 
-        def add_part(k: Value) -> None:
-            weight = load(b, other, k)
-            source = element(b, rows, b.mul(k, integer(n)))
-
-            def add(w: IRBuilder, i: Index) -> None:
-                store(w, w.fma(weight, load(w, source, i), load(w, total, i)), total, i)
-
-            with where_coupled(b, n, weight):
-                for_span(b, n, 0, count, add)
-
-        loop(b, 0, size, add_part)
+        loop(b, 0, size, lambda k: entries.add(k, load(b, other, k), total))
         target = b.mul(chosen(j), integer(n))
         loop(b, 0, count, lambda i: store(b, load(b, total, i), matrix, b.add(chosen(i), target)))
 

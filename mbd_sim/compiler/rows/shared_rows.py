@@ -11,10 +11,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer, local_array, number
+from mbd_sim.compiler.ir.builder import DOUBLE, INT, TRUE, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import DenseSolver, subtract_product, where_coupled
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
+from mbd_sim.compiler.rows.islands import MANY, find_islands
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def emit_active_solver(
 
         loop(b, 0, n, fold)
         with b.if_then(b.fcmp_ordered("<", load(b, least, 0), number(0.0)), likely=False):
-            b.call(shared, function.args)
+            _call_for_islands(b, shared, function.args, active, columns)
             b.ret_void()
     chosen_row, (size,) = _choose(b, n, mask, ["!="])
     _gather(b, n, matrix, small, chosen_row, size, size)
@@ -82,20 +84,40 @@ def emit_active_solver(
     return function
 
 
+def _call_for_islands(
+    b: IRBuilder, shared: Function, arguments: Sequence[Value], active: ActiveRows, columns: int
+) -> None:
+    """Call the function of `_emit_shared` for each island of rows."""
+    n, (inputs, matrix, _, solution) = active.rows, arguments
+    loop(b, 0, n * columns, lambda i: store(b, number(0.0), solution, i))
+    if n < MANY:
+        b.call(shared, arguments)
+        return
+    islands, first = b.alloca(INT, integer(n)), active.first
+    find = emit_function(b.module, find_islands)
+    closed, mask = element(b, inputs, first - active.gaps), element(b, inputs, first)
+    count = b.call(find, [integer(n), integer(active.gaps), matrix, closed, mask, islands])
+    loop(b, 0, count, lambda island: b.call(shared, [*arguments, islands, island]))
+
+
 def _emit_shared(
     module: Module, name: str, active: ActiveRows, columns: int, *, adds_given: bool, watches: bool
 ) -> Function:
-    """Emit the function of `emit_active_solver` for rows of which some depend on others."""
+    """Emit the function of `emit_active_solver` for rows of which some depend on others.
+
+    With many rows it takes the islands (rows,) and the number of one, whose part of the solution it finds.
+    """
     n = active.rows
-    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
+    function = Function(module, FunctionType(VOID, [POINTER] * 4 + [POINTER, INT] * (n >= MANY)), name)
     function.linkage, function.attributes = "internal", ["noinline"]
-    inputs, matrix, right, solution = function.args
+    inputs, matrix, right, solution, *island = function.args
     b = IRBuilder(function.append_basic_block("entry"))
     share = emit_shared_solver(module, n, active.solver)
     small, order, small_right, x, gains, weights = (local_array(b, size) for size in (n * n, n, n, n, n, n))
     total, mask = local_array(b, 1), element(b, inputs, active.first)
     given = element(b, inputs, active.given)
-    chosen_row, (basis, size) = _choose(b, n, mask, [">", "<"])
+    belongs = partial(_belongs, b, island)
+    chosen_row, (basis, size) = _choose(b, n, mask, [">", "<"], belongs)
     _gather(b, n, matrix, small, chosen_row, basis, size)
     b.call(active.solver.factorize, [small, order, basis])
     loop(b, 0, size, lambda i: store(b, b.intrinsic("llvm.fabs", load(b, mask, chosen_row(i))), weights, i))
@@ -117,11 +139,11 @@ def _emit_shared(
 
     def watch_unloaded(gap: Value, offset: Value) -> None:
         is_closed = b.fcmp_unordered("!=", load(b, closed, gap), number(0.0))
-        with b.if_then(b.and_(is_closed, b.fcmp_ordered("==", load(b, mask, gap), number(0.0)))):
+        is_unloaded = b.and_(is_closed, b.fcmp_ordered("==", load(b, mask, gap), number(0.0)))
+        with b.if_then(b.and_(belongs(gap), is_unloaded)):
             watch(gap, offset)
 
     def solve_column(offset: Value) -> None:
-        loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
         loop(b, 0, basis, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
         if adds_given:
             loop(b, 0, n, lambda j: _subtract_given(b, n, matrix, given, small_right, chosen_row, basis, j))
@@ -137,6 +159,11 @@ def _emit_shared(
         solve_column(integer(column * n))
     b.ret_void()
     return function
+
+
+def _belongs(b: IRBuilder, island: Sequence[Value], row: Value) -> Value:
+    """Whether a row is one of an island, given by the islands (rows,) and its number; all are without."""
+    return b.icmp_signed("==", b.load(b.gep(island[0], row, INT), typ=INT), island[1]) if island else TRUE
 
 
 def _subtract_given(
@@ -161,14 +188,18 @@ def _subtract_given(
 
 
 def _choose(
-    b: IRBuilder, n: int, mask: Value, comparisons: Sequence[str]
+    b: IRBuilder,
+    n: int,
+    mask: Value,
+    comparisons: Sequence[str],
+    belongs: Callable[[Value], Value] = lambda row: TRUE,
 ) -> tuple[Callable[[Value], Value], list[Value]]:
-    """The rows whose inputs compare with zero in the first of some ways, then in the next one, and their counts."""
+    """The rows that belong whose inputs compare with zero in the first of some ways, then in the next; their counts."""
     chosen, count, counts = b.alloca(INT, integer(max(n, 1))), b.alloca(INT), list[Value]()
     b.store(integer(0), count)
 
     def choose(i: Value, comparison: str) -> None:
-        with b.if_then(b.fcmp_unordered(comparison, load(b, mask, i), number(0.0))):
+        with b.if_then(b.and_(belongs(i), b.fcmp_unordered(comparison, load(b, mask, i), number(0.0)))):
             found = b.load(count, typ=INT)
             b.store(i, b.gep(chosen, found, INT))
             b.store(b.add(found, integer(1)), count)

@@ -33,7 +33,7 @@ UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding
 HELD = 1.0 - 2e-11  # length of the direction of friction that is at its limit at rest
 RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
-MOST_ROWS = 400  # of slots, of gaps and friction together
+MOST_ROWS = 1200  # of slots, of gaps and friction together
 SLOW = 1e-12  # of the natural speed, slip below which the direction of sliding is the stored one
 
 
@@ -340,10 +340,10 @@ def _require_few_slots(mechanism: Mechanism, gaps: Sequence[Gap]) -> None:
         return
     largest = max(own, key=lambda name: own[name])
     message = (
-        f"contacts of blocks, plates and rods with each other have {total} rows, {own[largest]} of them here; up to "
-        f"{MOST_ROWS} are possible"
+        f"contacts of blocks, plates, rods and hulls have {total} rows, {own[largest]} of them here; up to {MOST_ROWS} "
+        "are possible"
     )
-    remedy = "Name only the pairs that can meet with 'between', use a plane for a floor, or spheres for small parts."
+    remedy = "Name only the pairs that can meet with 'between'; planes and spheres have fewer rows."
     raise MechanismError([mechanism.source.problem(("contacts", largest), message, remedy)])
 
 

@@ -168,6 +168,37 @@ def contact_forces(problem: ContactProblem, *, settled: bool = True) -> Array:
     :param settled: False: of those that are shared about 1e-6 may lack to the least sum of squares.
     :raises NoSolutionError: there is none, or none was found.
     """
+    unique = np.zeros(len(problem.free))
+    if called("unique_forces", problem.packed, unique):
+        return unique
+    for rows in (islands := _islands(problem)):
+        unique[rows] = _forces_together(problem if len(islands) == 1 else _island(problem, rows), settled=settled)
+    return unique
+
+
+def _islands(problem: ContactProblem) -> list[list[int]]:
+    """The rows of each island: see `compiled.instant.islands`."""
+    numbers = np.empty(len(problem.free), dtype=np.int64)
+    return [np.flatnonzero(numbers == k).tolist() for k in range(called("find_islands", problem.packed, numbers))]
+
+
+def _island(problem: ContactProblem, rows: Sequence[int]) -> ContactProblem:
+    """The problem of some rows that form an island."""
+    place = {row: position for position, row in enumerate(rows)}
+    frictions = [
+        FrictionLimit(
+            tuple(place[row] for row in one.rows), None if one.normal is None else place[one.normal], one.size
+        )
+        for one in problem.frictions
+        if one.rows[0] in place
+    ]
+    normals = [place[row] for row in problem.normals if row in place]
+    compliance = None if problem.compliance is None else problem.compliance[list(rows)]
+    return ContactProblem(problem.matrix[rows][:, rows], problem.free[list(rows)], normals, frictions, compliance)
+
+
+def _forces_together(problem: ContactProblem, *, settled: bool) -> Array:
+    """See `contact_forces`; of an island."""
     n = len(problem.free)
     unique = np.zeros(n)
     if called("unique_forces", problem.packed, unique):

@@ -129,6 +129,21 @@ def test_records_and_arrays_are_passed_on():
     assert found == -0.25 * (8.0 + 4.0 + 2.0) + 0.5 * 0.25 * (8.0 + 1.0)
 
 
+def ends_of(n: int) -> float:
+    """What is at both ends of new arrays, on several ways out."""
+    values, order = zeros(n), integers(n)
+    values[0], values[n - 1], order[n - 1] = 1.5, 2.5, n
+    if n > 5:
+        return values[0] + values[n - 1] + order[n - 1]
+    return values[n // 2]
+
+
+def test_arrays_of_any_size_are_new_and_need_no_stack():
+    """8 MB each, as much as the stack of a thread."""
+    call = compiled(ends_of)
+    assert [call(n) for n in (5, 6, 1_000_000)] == [0.0, 10.0, 1_000_004.0]
+
+
 def new_array_in_loop(n: int) -> int:
     """It would use up the stack."""
     for i in range(n):

@@ -40,9 +40,10 @@ def matrix_of(factor, numbers):
     return found
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_products_have_the_entries_that_are_needed(seed):
+@pytest.mark.parametrize(("seed", "many"), [(0, 100), (1, 100), (2, 100), (0, 1)])
+def test_products_have_the_entries_that_are_needed(seed, many, monkeypatch):
     """Those of rows that are active, closed or have a given force; of sliding friction the diagonal without friction."""
+    monkeypatch.setattr("mbd_sim.compiler.rows.row_factors.MANY", many)
     chance = np.random.default_rng(seed)
     places = [tuple(sorted(chance.permutation(SIZE)[: chance.integers(1, SIZE)].tolist())) for _ in range(4)]
     blocks = tuple(

@@ -51,18 +51,18 @@ def test_rows_that_share_have_the_least_weighted_sum_of_squares(count, rank, sma
     )
 
 
-def solved(matrix, weights, right, given):
+def solved(matrix, weights, right, given, closed=()):
     """x (n,) of active rows, with given forces; the weights of rows that depend on others are negative."""
-    size, module = len(right), new_module()
-    active = ActiveRows(size, 0, size, emit_dense_solver(module, size, counted=True))
-    solve = emit_active_solver(module, "active", active, 1, adds_given=True, watches=False)
+    size, gaps, module = len(right), len(closed), new_module()
+    active = ActiveRows(size, gaps, gaps + size, emit_dense_solver(module, size, counted=True), gaps)
+    solve = emit_active_solver(module, "active", active, 1, adds_given=True, watches=gaps > 0)
     function = Function(module, FunctionType(VOID, [POINTER] * 4), "solved")
     b = IRBuilder(function.append_basic_block("entry"))
     b.call(solve, function.args)
     b.ret_void()
     code = compile_module(module)
     call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(code.address("solved"))
-    arrays = np.concatenate([weights, given]), matrix.ravel(order="F").copy(), right.copy(), np.zeros(size)
+    arrays = np.concatenate([closed, weights, given]), matrix.ravel(order="F").copy(), right.copy(), np.zeros(size)
     call(*(array.ctypes.data for array in arrays))
     return arrays[-1]
 
@@ -81,3 +81,26 @@ def test_forces_that_share_add_to_given_ones(seed):
     found = solved(matrix, alone, matrix @ known, given)
     assert np.array_equal(found, solved(matrix, alone, matrix @ known, np.zeros(5)))
     assert found[:3] == pytest.approx(np.linalg.solve(matrix[:3, :3], (matrix @ known)[:3]), rel=1e-9)
+
+
+def test_islands_have_the_solutions_that_they_have_alone(monkeypatch):
+    """Rows of three groups that do not act on each other, in mixed order, of which one has a gap that is watched."""
+    monkeypatch.setattr("mbd_sim.compiler.rows.shared_rows.MANY", 1)
+    chance, alone = np.random.default_rng(3), []
+    for rank, count in ((3, 5), (2, 2), (1, 3)):
+        directions, weights = chance.normal(size=(count, rank)), chance.uniform(0.5, 2.0, size=count)
+        weights[rank:] *= -1.0
+        alone.append((directions @ directions.T, weights, chance.normal(size=count), chance.normal(size=count)))
+    alone[0][1][0], alone[0][1][3] = 0.0, 1.0  # a gap without a force, and another row of the basis in its place
+    closed = [1.0] + [0.0] * 3
+    parts = [solved(a, w, a @ x, g, closed[: len(w)]) for a, w, x, g in alone]
+    owner = np.array([0, 1, 2, 0, 2, 0, 1, 2, 0, 0])  # the first row is the gap
+    whole = np.zeros((10, 10))
+    weights, right, given, expected = (np.zeros(10) for _ in range(4))
+    for island, (a, w, x, g) in enumerate(alone):
+        rows = np.flatnonzero(owner == island)
+        whole[np.ix_(rows, rows)], weights[rows], right[rows], given[rows] = a, w, a @ x, g
+        expected[rows] = parts[island]
+    assert parts[0][0] != 0.0
+    found = solved(whole, weights, right, given, closed[:1])
+    np.testing.assert_allclose(found, expected, rtol=1e-12)

@@ -110,5 +110,5 @@ def test_of_many_corners_that_touch_those_are_chosen_that_are_far_from_each_othe
     assert (type(contact.first), contact.slots) == (Cluster, 8)
     narrow, still = ClusterOnPlane(contact.first, contact.second, 8), Pose(np.zeros(3), np.eye(3))
     found = narrow.touching(Pose(np.array([0.0, 0.0, 0.1]), about(unit((1, 2, 0)), 1e-10)), still, 1e-9)
-    angles = np.sort([np.arctan2(body.point[1], body.point[0]) for body in found])
+    angles = np.sort([np.arctan2(body.numbers[4], body.numbers[3]) for body in found])
     assert len(found) == 8 and np.diff([*angles, angles[0] + 2.0 * np.pi]).max() < 1.1

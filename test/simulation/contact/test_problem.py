@@ -55,6 +55,25 @@ def test_random_problems_are_solved():
         assert max(violations(problem, contact_forces(problem))) < 1e-9, seed
 
 
+def test_problems_that_have_nothing_to_do_with_each_other_are_solved_as_if_alone():
+    """In whatever order their rows are among each other; some of them have several solutions."""
+    for seed in range(0, 60, 3):
+        parts = [random_problem(seed + k) for k in range(3)]
+        owner = np.repeat(range(3), [len(part.free) for part in parts])
+        owner = np.random.default_rng(seed).permutation(owner)
+        matrix, free, normals, frictions, expected = np.zeros((len(owner),) * 2), np.zeros(len(owner)), [], [], []
+        for part, rows in ((parts[k], np.flatnonzero(owner == k)) for k in range(3)):
+            matrix[np.ix_(rows, rows)], free[rows] = part.matrix, part.free
+            normals += rows[list(part.normals)].tolist()
+            for one in part.frictions:
+                normal = None if one.normal is None else int(rows[one.normal])
+                frictions.append(FrictionLimit(tuple(rows[list(one.rows)].tolist()), normal, one.size))
+            expected.append(contact_forces(part))
+        found = contact_forces(ContactProblem(matrix, free, normals, frictions))
+        for k in range(3):
+            np.testing.assert_array_equal(found[owner == k], expected[k], err_msg=str(seed))
+
+
 def test_a_block_that_is_pushed_sticks_slides_or_lifts_off():
     matrix = np.eye(2)  # a particle of 1 kg: the rates of its height and along the plane
     friction = [FrictionLimit((1,), 0, 0.5)]

@@ -29,6 +29,7 @@ from mbd_sim.simulation.contact.compiled import (
 )
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
+    clusters,
     outlines,
     pieces,
     polytope_distances,
@@ -52,6 +53,7 @@ from mbd_sim.simulation.contact.compiled.instant import (
     contacts,
     forces,
     impact,
+    islands,
     linear,
     modes,
     shared_forces,
@@ -63,12 +65,14 @@ MODULES: tuple[ModuleType, ...] = (
     barrels,
     bodies,
     candidate_forces,
+    clusters,
     collocation,
     contacts,
     crossings,
     flat_rims,
     forces,
     impact,
+    islands,
     lengths,
     linear,
     meetings,
@@ -103,12 +107,14 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     time_stepping.advance_by_time_stepping,
     touching.end_step,
     touching.renew,
-    forces.unique_forces,
+    islands.find_islands,
+    islands.unique_forces,
     forces.residual_of,
     forces.newton,
     forces.by_lemke,
     forces.sweep,
     shared_forces.elastic_forces,
+    linear.product,
     linear.solve,
     linear.null_space,
     linear.least,
@@ -121,6 +127,9 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     barrels.barrel_distance,
     barrels.barrel_margin,
     barrels.barrel_touching,
+    clusters.cluster_distance,
+    clusters.cluster_margin,
+    clusters.cluster_touching,
     outlines.outline_distance,
     outlines.outline_margin,
     outlines.outline_touching,
@@ -137,10 +146,13 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     smooth.smooth_touching,
 )
 
+KEPT = 3_000_000  # numbers of all arrays of one call; glibc keeps up to 32 MB
+
 
 @functools.cache
 def library() -> SimpleNamespace:
     """The compiled functions, which release the interpreter's lock, and their `addresses` by name."""
+    np.empty(KEPT)  # freed at once: glibc then keeps as much memory as that for the arrays of each call
     code = compile_once([*_contents()], _emitted)
     addresses = {one.__name__: code.address(name_of(one)) for one in EXPORTED}
     names = {one.__name__: prototype(*signature_of(one))(addresses[one.__name__]) for one in EXPORTED}

@@ -195,14 +195,3 @@ def _array(values: object) -> Array:
 def _firsts(groups: Sequence[Sequence[Array]]) -> NDArray[np.int64]:
     """Where each of several groups begins in a list of all, and where the last one ends."""
     return np.cumsum([0, *map(len, groups)])
-
-
-def spread(points: Array, count: int) -> list[int]:
-    """The places of so many points (n, 3), each the farthest from those before it; in order."""
-    chosen = [0]
-    nearest = np.full(len(points), np.inf)
-    while len(chosen) < count:
-        line = points - points[chosen[-1]]
-        nearest = np.minimum(nearest, dots(line, line))
-        chosen.append(int(np.argmax(nearest)))
-    return sorted(chosen)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.instant.contacts import READ, Contacts
-from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_forces
+from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem
+from mbd_sim.simulation.contact.compiled.instant.islands import unique_forces
 from mbd_sim.simulation.contact.compiled.instant.linear import independent, pivots, unit_diagonal
 
 LOAD_ITERATIONS, LOAD_CHANGE = 200, 1e-14  # until loads of joints do not change any more, relative to the largest

@@ -38,7 +38,7 @@ class ForceProblem:
     sizes: Array
 
 
-def unique_forces(p: ForceProblem, forces: Array) -> bool:
+def unique_together(p: ForceProblem, forces: Array) -> bool:
     """λ (n,) that satisfies all conditions, if it is found quickly and the only one."""
     scale = zeros(p.n)
     matrix, free, sizes = zeros(p.n * p.n), zeros(p.n), zeros(p.frictions)

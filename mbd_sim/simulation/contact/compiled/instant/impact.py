@@ -14,7 +14,8 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     force_at,
     rate_at,
 )
-from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_forces
+from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem
+from mbd_sim.simulation.contact.compiled.instant.islands import unique_forces
 from mbd_sim.simulation.contact.compiled.instant.linear import null_space, solve
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
 

@@ -1,7 +1,8 @@
 """Small linear systems and linear complementarity problems, in the subset of Python that is compiled.
 
-Linear systems are solved by elimination with complete pivoting. Complementarity problems are solved by Lemke's method
-(Cottle, Pang & Stone, *The Linear Complementarity Problem*). Matrices are stored row by row.
+Linear systems are solved by elimination with complete pivoting, and block by block where they consist of blocks that
+have nothing to do with each other, as those of bodies that are apart. Complementarity problems are solved by Lemke's
+method (Cottle, Pang & Stone, *The Linear Complementarity Problem*). Matrices are stored row by row.
 """
 
 from __future__ import annotations
@@ -12,6 +13,18 @@ from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 
 SINGULAR = 1e-11  # of the largest entry, below which a pivot counts as zero
 ZERO_ENTRY = 1e-12  # relative size below which an entry of the tableau counts as zero
+
+
+def product(m: int, n: int, k: int, matrix: Array, other: Array, total: Array) -> None:
+    """The product (m, k) of a matrix (m, n) and another one (n, k), of which zeros are left out, summed in order."""
+    for i in range(m * k):
+        total[i] = 0.0
+    for column in range(n):
+        for j in range(k):
+            factor = other[column * k + j]
+            if factor != 0.0:
+                for i in range(m):
+                    total[i * k + j] += matrix[i * n + column] * factor
 
 
 def triangular(m: int, n: int, k: int, a: Array, columns: Integers) -> int:
@@ -36,13 +49,13 @@ def triangular(m: int, n: int, k: int, a: Array, columns: Integers) -> int:
         for i in range(done + 1, m):
             own = a[i * width :]
             factor = own[done] / base[done]
+            if factor != 0.0:
+                for j in range(done + 1, width):
+                    own[j] -= factor * base[j]
             for j in range(done + 1, n):
-                own[j] -= factor * base[j]
                 size = abs(own[j])
                 if size > pivot:
                     row, column, pivot = i, j, size
-            for j in range(n, width):
-                own[j] -= factor * base[j]
         done += 1
     return done
 
@@ -53,6 +66,57 @@ def back_substitute(found: int, width: int, a: Array, x: Array) -> None:
         x[index] /= a[index * width + index]
         for i in range(index):
             x[i] -= a[i * width + index] * x[index]
+
+
+def find_blocks(n: int, matrix: Array, blocks: Integers) -> int:
+    """The number of the block (n,) of each row of a matrix, in the order of their first rows; how many there are.
+
+    Rows of different blocks have no entries in the columns of each other.
+    """
+    for i in range(n):
+        blocks[i] = i
+    for i in range(n):
+        for j in range(n):
+            if matrix[i * n + j] != 0.0:
+                unite(n, blocks, i, j)
+    return number_blocks(n, blocks)
+
+
+def unite(n: int, blocks: Integers, i: int, j: int) -> None:
+    """Let two rows belong to one block, which has the lower one of their numbers."""
+    lower, higher = min(blocks[i], blocks[j]), max(blocks[i], blocks[j])
+    for k in range(n if lower < higher else 0):
+        if blocks[k] == higher:
+            blocks[k] = lower
+
+
+def number_blocks(n: int, blocks: Integers) -> int:
+    """Number blocks, which are named after their first rows, from 0 on; how many there are."""
+    count, numbers = 0, integers(n)
+    for i in range(n):
+        if blocks[i] == i:
+            numbers[i] = count
+            count += 1
+    for i in range(n):
+        blocks[i] = numbers[blocks[i]]
+    return count
+
+
+def block_rows(n: int, blocks: Integers, block: int, rows: Integers) -> int:
+    """The rows of a block, in order, and how many they are."""
+    count = 0
+    for i in range(n):
+        if blocks[i] == block:
+            rows[count] = i
+            count += 1
+    return count
+
+
+def take_block(n: int, matrix: Array, count: int, rows: Integers, own: Array) -> None:
+    """Write the entries of some rows and columns, so many, into a matrix of their own."""
+    for i in range(count):
+        for j in range(count):
+            own[i * count + j] = matrix[rows[i] * n + rows[j]]
 
 
 def solve(n: int, matrix: Array, right: Array, x: Array) -> None:
@@ -142,18 +206,48 @@ def least(n: int, count: int, basis: Array, weights: Array, x: Array) -> None:
 
 
 def least_solution(n: int, matrix: Array, right: Array, weights: Array, x: Array) -> None:
-    """The solution x (n,) of a square system; of several that with the least Σ w x²."""
-    basis = zeros(n * n)
-    solve(n, matrix, right, x)
-    least(n, null_space(n, n, matrix, basis), basis, weights, x)
+    """The solution x (n,) of a square system; of several that with the least Σ w x². Blocks are solved one by one."""
+    blocks = integers(n)
+    count = find_blocks(n, matrix, blocks)
+    for block in range(count):
+        least_solution_of(n, matrix, right, weights, x, blocks, block)
+
+
+def least_solution_of(
+    n: int, matrix: Array, right: Array, weights: Array, x: Array, blocks: Integers, block: int
+) -> None:
+    """The `least_solution` of one block."""
+    rows = integers(n)
+    size = block_rows(n, blocks, block, rows)
+    own, basis, side, found, weight = zeros(size * size), zeros(size * size), zeros(size), zeros(size), zeros(size)
+    take_block(n, matrix, size, rows, own)
+    for i in range(size):
+        side[i], weight[i] = right[rows[i]], weights[rows[i]]
+    solve(size, own, side, found)
+    least(size, null_space(size, size, own, basis), basis, weight, found)
+    for i in range(size):
+        x[rows[i]] = found[i]
 
 
 def pivots(n: int, matrix: Array, columns: Integers) -> int:
-    """Columns of a square matrix that are independent, as many as there are, in the order of their pivots."""
-    a = zeros(n * n)
-    for i in range(n * n):
-        a[i] = matrix[i]
-    return triangular(n, n, 0, a, columns)
+    """Columns of a square matrix that are independent, as many as there are; of each block in the order of pivots."""
+    blocks, rank = integers(n), 0
+    count = find_blocks(n, matrix, blocks)
+    for block in range(count):
+        rank += pivots_of(n, matrix, blocks, block, columns[rank:])
+    return rank
+
+
+def pivots_of(n: int, matrix: Array, blocks: Integers, block: int, columns: Integers) -> int:
+    """The `pivots` of one block."""
+    rows = integers(n)
+    size = block_rows(n, blocks, block, rows)
+    own, order = zeros(size * size), integers(size)
+    take_block(n, matrix, size, rows, own)
+    rank = triangular(size, size, 0, own, order)
+    for i in range(rank):
+        columns[i] = rows[order[i]]
+    return rank
 
 
 def rank_of(n: int, matrix: Array) -> int:
@@ -180,9 +274,7 @@ def best_conditioned(n: int, matrix: Array, count: int, rows: Integers, found: I
             return 1
         return 0
     own, factors, order = zeros(count * count), zeros(count), integers(count)
-    for i in range(count):
-        for j in range(count):
-            own[i * count + j] = matrix[rows[i] * n + rows[j]]
+    take_block(n, matrix, count, rows, own)
     unit_diagonal(count, own, factors)
     rank = pivots(count, own, order)
     for i in range(rank):
@@ -192,23 +284,21 @@ def best_conditioned(n: int, matrix: Array, count: int, rows: Integers, found: I
 
 def independent(n: int, matrix: Array, count: int, order: Integers, found: Integers) -> int:
     """Those rows of a symmetric positive semidefinite matrix (n, n), taken in an order, that are independent."""
-    a, column = zeros(n * n), zeros(n)
-    for i in range(n * n):
-        a[i] = matrix[i]
-    chosen = 0
+    a, column, entries, chosen = zeros(count * count), zeros(count), zeros(count), 0
+    take_block(n, matrix, count, order, a)
     for position in range(count):
         row = order[position]
-        pivot = a[row * n + row]
+        pivot = a[position * count + position]
         if pivot <= SINGULAR * max(matrix[row * n + row], 0.0) or pivot <= 0.0:
             continue
         found[chosen] = row
         chosen += 1
-        for i in range(n):
-            column[i] = a[i * n + row] / pivot
-        for j in range(n):
-            entry = a[row * n + j]
-            for i in range(n):
-                a[i * n + j] -= column[i] * entry
+        for i in range(count):
+            column[i], entries[i] = a[i * count + position] / pivot, a[position * count + i]
+        for i in range(count):
+            if column[i] != 0.0:
+                for j in range(count):
+                    a[i * count + j] -= column[i] * entries[j]
     return chosen
 
 

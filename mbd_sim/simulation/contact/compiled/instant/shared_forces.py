@@ -26,7 +26,7 @@ SOFTER, SOFTENINGS = 0.1, 6  # ratio of the softnesses of supports that follow e
 STIFFENINGS = 5  # each of which divides the rates of supports at rest by the ratio of their stiffness to `SOFTNESS`
 
 
-def nearest_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
+def nearest_together(p: ForceProblem, compliance: Array, forces: Array) -> bool:
     """λ (n,) that satisfies all conditions, of several that of elastic supports; False where it is not found quickly.
 
     :param compliance: (n,) of the supports.

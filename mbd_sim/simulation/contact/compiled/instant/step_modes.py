@@ -88,21 +88,22 @@ def share(c: Contacts, s: StepContacts, forces: Array, inputs: Array, chosen: In
     """See `add_shares`; the `chosen` rows are active."""
     n, given = c.rows, c.first_mode + 2 * c.rows + c.loaded
     matrix, right, weights, found = zeros(count * count), zeros(count), zeros(count), zeros(count)
-    coupled = zeros(c.rows * c.rows)
-    for i in range(n * n):
-        coupled[i] = s.terms[i]
-    for k in range(c.frictions):
-        if c.friction_gaps[k] >= 0:
-            for direction in range(2):
-                row = c.friction_rows[2 * k + direction]
-                if row >= 0 and inputs[direction_at(c, row)] != 0.0:
-                    size = friction_size(c, s.terms, k, 0) * inputs[direction_at(c, row)]
-                    for i in range(n):
-                        coupled[i + c.friction_gaps[k] * n] -= s.terms[i + row * n] * size
+    place = integers(n)
     for i in range(count):
+        place[chosen[i]] = 1 + i
         weights[i] = abs(inputs[active_at(c, chosen[i])])
         for j in range(count):
-            matrix[i * count + j] = coupled[chosen[i] + chosen[j] * n]
+            matrix[i * count + j] = s.terms[chosen[i] + chosen[j] * n]
+    for k in range(c.frictions):
+        column = place[c.friction_gaps[k]] - 1 if c.friction_gaps[k] >= 0 else -1
+        for direction in range(2 if column >= 0 else 0):
+            row = c.friction_rows[2 * k + direction]
+            if row >= 0 and inputs[direction_at(c, row)] != 0.0:
+                size = friction_size(c, s.terms, k, 0) * inputs[direction_at(c, row)]
+                for i in range(count):
+                    matrix[i * count + column] -= s.terms[chosen[i] + row * n] * size
+    for i in range(count):
+        for j in range(count):
             right[i] += matrix[i * count + j] * forces[chosen[j]]
     least_solution(count, matrix, right, weights, found)
     for i in range(count):
