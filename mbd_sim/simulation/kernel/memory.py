@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.python.bound_kernel import MOVING
+from mbd_sim.compiler.python.bound_kernel import LARGEST, MOVING
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.model import Model
 
@@ -24,6 +24,7 @@ Result = TypeVar("Result")
 
 STEPPING, LISTENED = 2, 4  # besides `MOVING`: in a call of `step`, and there is a listener
 BUSY = MOVING | STEPPING
+AT_ONCE = 20_000  # steps in one call of compiled code, which Ctrl-C does not interrupt
 _TOGETHER = "Let one thread step the simulation and change it, or take a lock around each call."
 _BETWEEN = "Note what was seen, and act on that when step() has returned; take fewer steps a call to act sooner."
 
@@ -128,21 +129,21 @@ class KernelMemory:
             finally:
                 self._moving[0] = 0
         if self._step is None:
-            self._step = self._compiled_step(lambda n: False, self._inner)
+            self._step = self._compiled_step(lambda n: False, self._inner, LARGEST)
         return self._step(n) is None
 
     def compiled_step(self, fallback: Callable[..., Result]) -> Callable[..., Result | None]:
         """`step(n=1)` as compiled code, which returns None.
 
-        It returns `fallback` of its arguments if a step fails, and while it is `reserved`.
+        It returns `fallback` of its arguments if a step fails, for more than `AT_ONCE` steps, and while `reserved`.
         """
-        return self._compiled_step(fallback, self.reserved)
+        return self._compiled_step(fallback, self.reserved, AT_ONCE)
 
     def _compiled_step(
-        self, fallback: Callable[..., Result], reserved: NDArray[np.int64]
+        self, fallback: Callable[..., Result], reserved: NDArray[np.int64], limit: int
     ) -> Callable[..., Result | None]:
         arrays = (self._counter, reserved, self._step_size, self.y, self.inputs, self._error_estimate)
-        return self._kernel.stepper(fallback, [array.ctypes.data for array in arrays], arrays)
+        return self._kernel.stepper(fallback, [limit, *(array.ctypes.data for array in arrays)], arrays)
 
     def require_rest(self) -> None:
         """Refuse a change, or a copy of the state, while it is being moved.

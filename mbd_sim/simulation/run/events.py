@@ -14,7 +14,7 @@ from typing import Protocol
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.kernel.memory import AT_ONCE, KernelMemory
 from mbd_sim.simulation.run.run_point import RunPoint
 
 
@@ -200,8 +200,10 @@ class RunReports:
         self._memory.leave_to_python(listener is not None)
 
     def parts_of(self, steps: int) -> Iterator[int] | Sequence[int]:
-        """Steps in the parts that the listener wants."""
-        return (steps,) if self.listener is None else self.listener.parts_of(steps)
+        """Steps in the parts that the listener wants; Ctrl-C is noticed between parts."""
+        if self.listener is not None:
+            return self.listener.parts_of(steps)
+        return (steps,) if steps <= AT_ONCE else (min(AT_ONCE, steps - done) for done in range(0, steps, AT_ONCE))
 
     def report_contacts(self) -> None:
         """Report what has happened at contacts since the last report."""

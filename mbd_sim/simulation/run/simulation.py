@@ -17,7 +17,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
-from mbd_sim.simulation.kernel.memory import BUSY, STEPPING
+from mbd_sim.simulation.kernel.memory import AT_ONCE, BUSY, STEPPING
 from mbd_sim.simulation.model.commands import Command, Efforts, by_name, require_parts
 from mbd_sim.simulation.model.contact_pairs import require_computable_pairs
 from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.contact.records import ContactObserver
 
 Kind = TypeVar("Kind", bound="BaseSimulation")
-RUN_CHUNK = 20_000  # steps between two calls of `progress` in `run`
 _RESET = "Call reset(q=…, u=…) to start from given coordinates and speeds."
 _RESTORE = "Call reset() to return to time zero, or restore(…) to continue from a snapshot."
 _BUILD = "Build a new Simulation with it."
@@ -164,8 +163,8 @@ class BaseSimulation(PresentState):
         This is compiled code, at 0.05 µs a call. A subclass may override it; then `super().step(n)` costs 1 µs. A
         mechanism with sensors costs that too, and a few µs more whenever one measures.
 
-        :raises DivergedError: the state would become infinite; it stays as it was before this call, or at the last
-            measurement of a sensor.
+        :raises DivergedError: the state would become infinite; it stays as it was before this call, at the last
+            measurement of a sensor, or after the last multiple of 20,000 steps of this call. Ctrl-C acts there as well.
         :raises CommandError: a call of it is under way already, in another thread or as the caller of an observer.
         :raises TypeError, ValueError: n is not an integer, or negative.
         """
@@ -216,7 +215,7 @@ class BaseSimulation(PresentState):
         """
         last = step_at(until, self.step_size, self.steps)
         while self.steps < last:
-            self.advance(min(last - self.steps, RUN_CHUNK))
+            self.advance(min(last - self.steps, AT_ONCE))
             if progress is not None:
                 progress(self.time)
 
