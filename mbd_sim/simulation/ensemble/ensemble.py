@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from threading import get_ident
 from typing import ClassVar, NoReturn, Self, Unpack
 
 import numpy as np
@@ -365,7 +365,7 @@ class Ensemble(ReadOnlyAttributes):
         :raises TypeError: n is not an integer.
         :raises ValueError: n is negative.
         """
-        n, alive, owner, thread = step_count(n), self.alive, self._owner, threading.get_ident()
+        n, alive, owner, thread = step_count(n), self.alive, self._owner, get_ident()
         before = self.snapshot() if self._steppers else None  # members with contacts are advanced one after the other
         # Between the look and the mark there is no call, where CPython would switch threads or handle Ctrl-C.
         if owner[0]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable
+from threading import get_ident
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -175,7 +175,7 @@ class KernelMemory:
             marks, before = self.marks, self.marks[0]
             marks[0] |= BUSY
             try:
-                self.owner = threading.get_ident()
+                self.owner = get_ident()
                 self.stepper.find_modes(*self.now)
             finally:
                 marks[0] = before
@@ -193,7 +193,7 @@ class KernelMemory:
 
 def steps_under_way(owner: int) -> CommandError:
     """The error of a step or a change while a thread is taking steps: `owner`, or 0 for one that is not this one."""
-    if owner == threading.get_ident():
+    if owner == get_ident():
         return CommandError("an observer or listener asks for this while its simulation takes steps", _BETWEEN)
     return CommandError("another thread is taking steps of this simulation", _TOGETHER)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from threading import get_ident
 from typing import TYPE_CHECKING, ClassVar, NoReturn, Self, TypeVar, Unpack
 
 import numpy as np
@@ -175,7 +175,7 @@ class BaseSimulation(PresentState):
             raise memory.disturbed()
         marks[0] |= STEPPING
         try:
-            memory.owner = threading.get_ident()
+            memory.owner = get_ident()
             for part in self._sensors.divided(self._reports.parts_of(n)):
                 if not memory.advance(part):
                     raise self._divergence(part)
