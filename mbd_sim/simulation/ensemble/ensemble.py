@@ -47,7 +47,7 @@ from mbd_sim.simulation.run.changes import require_allowed_speeds
 from mbd_sim.simulation.run.moving_points import motion_of
 from mbd_sim.simulation.run.run_point import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
 
-RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
+AT_ONCE = 2000  # steps between two calls of `progress` in `run`, and up to which Ctrl-C does not act
 
 
 class Ensemble(ReadOnlyAttributes):
@@ -102,7 +102,7 @@ class Ensemble(ReadOnlyAttributes):
         self._variants = variants
         self._effort_map = EffortMap.of(self.model.mechanism, variants.effort_limits())
         self._failures: dict[int, MemberFailure] = {}
-        self._owner = [0]  # the thread in a call of `step`
+        self._count, self._owner = [0], [0]  # of steps; the thread in a call of `step`
         self._starts, values = variants.starts(self.model)
         self._steppers = member_steppers(self.model, variants, len(changes))
         self._groups: MemberGroups = member_groups(self.model, len(changes), self._steppers)
@@ -138,7 +138,7 @@ class Ensemble(ReadOnlyAttributes):
     @property
     def steps(self) -> int:
         """Steps since time zero."""
-        return self._steps
+        return self._count[0]
 
     @property
     def time(self) -> float:
@@ -189,7 +189,7 @@ class Ensemble(ReadOnlyAttributes):
         :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
         self._begin(np.arange(len(self)), q, u, nearest_speeds)
-        self._steps, self._failures = 0, {}
+        self._count[0], self._failures = 0, {}
 
     def restart(
         self,
@@ -288,7 +288,7 @@ class Ensemble(ReadOnlyAttributes):
         self._groups.put("inputs", snapshot.inputs)
         self._groups.put("estimates", snapshot.error_estimates[:, None])
         self._groups.put("alive", snapshot.alive[:, None].astype(float))
-        self._steps, self._start_energies = snapshot.steps, snapshot.start_energies.copy()
+        self._count[0], self._start_energies = snapshot.steps, snapshot.start_energies.copy()
         self._failures = dict(snapshot.failures)
 
     def sensors(self) -> NoReturn:
@@ -358,33 +358,35 @@ class Ensemble(ReadOnlyAttributes):
     def step(self, n: int = 1) -> None:
         """Advance all members by n steps.
 
-        If an observer of contacts raises an error, or Ctrl-C ends the steps of a mechanism with contacts, all members
-        stay as they were before this call.
+        If an observer of contacts raises an error, or Ctrl-C ends the steps, all members stay at the last time that all
+        of them have reached: before this call, or after a multiple of 2000 of its steps.
 
         :raises CommandError: a call of it is under way already, in another thread or as the caller of an observer.
         :raises TypeError: n is not an integer.
         :raises ValueError: n is negative.
         """
-        n, alive, owner, thread = step_count(n), self.alive, self._owner, get_ident()
-        before = self.snapshot() if self._steppers else None  # members with contacts are advanced one after the other
+        n = step_count(n)
+        for taken in range(0, n, AT_ONCE):
+            self._take(min(AT_ONCE, n - taken))
+
+    def _take(self, n: int) -> None:
+        alive, owner, count, thread, done = self.alive, self._owner, self._count, get_ident(), list[object]()
         # Between the look and the mark there is no call, where CPython would switch threads or handle Ctrl-C.
         if owner[0]:
             raise steps_under_way(owner[0])
         owner[0] = thread
         try:
-            self._groups.advance(self.steps, self.step_size, n, self._threads)
-        except BaseException:
-            owner[0] = 0
-            if before is not None:
-                self.restore(before)
-            raise
+            self._groups.advance(self.steps, self.step_size, n, self._threads, done)
         finally:
+            # Here neither: what has been done is counted.
+            count[0] += n if done else 0
             owner[0] = 0
-        lost = np.flatnonzero(alive & ~self.alive).tolist()
-        if lost:
+        self._note_lost(np.flatnonzero(alive & ~self.alive).tolist(), n)
+
+    def _note_lost(self, members: Sequence[int], steps: int) -> None:
+        if members:
             inputs = self._inputs
-            self._failures |= {member: MemberFailure(self.steps, n, inputs[member]) for member in lost}
-        self._steps += n
+            self._failures |= {member: MemberFailure(self.steps - steps, steps, inputs[member]) for member in members}
 
     def _require_rest(self) -> None:
         if self._owner[0]:
@@ -397,7 +399,7 @@ class Ensemble(ReadOnlyAttributes):
         """
         last = step_at(until, self.step_size, self.steps)
         while self.steps < last:
-            self.step(min(last - self.steps, RUN_CHUNK))
+            self.step(min(last - self.steps, AT_ONCE))
             if progress is not None:
                 progress(self.time)
 
