@@ -67,8 +67,9 @@ class Waiting:
 
     def __exit__(self, *_: object) -> None:
         Waiting._active = None
-        self._logger.removeHandler(self._notes)
-        self._logger.setLevel(logging.NOTSET)
+        if self._listens:
+            self._logger.removeHandler(self._notes)
+            self._logger.setLevel(logging.NOTSET)
         self._end()
 
     def _say(self, text: str) -> None:
