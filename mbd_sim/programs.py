@@ -45,9 +45,10 @@ class EntryPoint:
         """Import the module and call the function; its return value is the exit code."""
         _handle(lambda number, _: os._exit(self._exit_code(number)))
         atexit.register(_handle, signal.SIG_IGN)  # when the interpreter ends, it restores the default of other handlers
-        from mbd_sim.base.plain_output import use_plain_characters
+        from mbd_sim.base.plain_output import use_plain_characters, use_plain_warnings
 
         use_plain_characters()
+        use_plain_warnings()
         main = self._imported()
         from mbd_sim.base.interrupts import raise_interrupt, repeat_interrupt
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import codecs
 import sys
 import unicodedata
+import warnings
+from pathlib import Path
 
 PLAIN = {
     "·": "*", "×": "x", "−": "-", "–": "-", "—": "-", "…": "...", "°": " deg", "±": "+/-", "≥": ">=", "≤": "<=",
@@ -24,6 +26,20 @@ def use_plain_characters() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors=HANDLER)
+
+
+def use_plain_warnings() -> None:
+    """Show warnings of this package as sentences, without the place in its source, which means nothing to users."""
+    usual, package = warnings.formatwarning, str(Path(__file__).parents[1])
+
+    def formatted(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+    ) -> str:
+        if category is RuntimeWarning and filename.startswith(package):
+            return f"warning: {message}\n"
+        return usual(message, category, filename, lineno, line)
+
+    warnings.formatwarning = formatted
 
 
 def print_file(text: str) -> None:

@@ -6,7 +6,8 @@ import ctypes
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
+from itertools import pairwise, starmap
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,8 @@ from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.method import Method, Scales
 
 Array = NDArray[np.float64]
-Advance = Callable[[Mapping[str, Array], int, float, int, range], None]
+Done = list[object]  # receives an entry as soon as some groups have taken their steps
+Advance = Callable[[Mapping[str, Array], int, float, int, range, Done], None]
 
 ALL = slice(None)
 LANES = 8  # members in a group; docs/ensembles.md has the measurements
@@ -106,31 +108,41 @@ class MemberGroups:
         groups, lanes = np.divmod(members, self._lanes)
         self._arrays[name][groups, :, lanes] = rows
 
-    def advance(self, first: int, h: float, steps: int, threads: int) -> None:
+    def advance(self, first: int, h: float, steps: int, threads: int, done: Done) -> None:
         """Advance all members by a number of steps of size h in s, beginning with step `first`.
 
         The groups are divided among threads as evenly as possible.
+
+        :param done: receives an entry as soon as all members have taken the steps; whatever ends this earlier, such as
+            Ctrl-C, leaves all of them where they were.
         """
         groups = len(self._arrays["y"])
         if steps * self.count < self._threaded_from:
             threads = 1
         cuts = np.linspace(0, groups, min(threads, groups) + 1).astype(int).tolist()
         shares = [range(start, end) for start, end in pairwise(cuts)]
-        if len(shares) == 1:
-            self._advance(self._arrays, first, h, steps, shares[0])
+        if len(shares) == 1 and self._lanes > 1:
+            self._advance(self._arrays, first, h, steps, shares[0], done)
             return
-        with ThreadPoolExecutor(len(shares)) as pool:
-            tasks = [pool.submit(self._advance, self._arrays, first, h, steps, share) for share in shares]
-            for task in tasks:
-                task.result()
+        moved = {name: array.copy() for name, array in self._arrays.items()}
+        work = partial(self._advance, moved, first, h, steps)
+        if len(shares) == 1:
+            work(shares[0], [])
+        else:
+            with ThreadPoolExecutor(len(shares)) as pool:
+                tasks = [pool.submit(work, share, []) for share in shares]
+                for task in tasks:
+                    task.result()
+        done.extend(map(vars(self).__setitem__, ["_arrays"], [moved]))  # in one call of C: see `advance_lanes`
 
 
 def advance_lanes(kernel: MemberKernel) -> Advance:
     """Advance each group as one vector."""
 
-    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
+    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range, done: Done) -> None:
         addresses = [arrays[name].ctypes.data for name in ("y", "inputs", "estimates", "alive")]
-        kernel.advance(*addresses, first, h, steps, groups.start, groups.stop)
+        # In one call of C, so that Ctrl-C acts before the steps or after their mark.
+        done.extend(starmap(kernel.advance, [(*addresses, first, h, steps, groups.start, groups.stop)]))
 
     return advance
 
@@ -138,12 +150,13 @@ def advance_lanes(kernel: MemberKernel) -> Advance:
 def advance_one_by_one(kernel: Kernel) -> Advance:
     """Advance each member, in a group by itself, with the kernel of a single simulation."""
 
-    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
+    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range, done: Done) -> None:
         y, inputs, estimates, alive = (arrays[name] for name in ("y", "inputs", "estimates", "alive"))
         for group in groups:
             if alive[group, 0, 0]:
                 addresses = y[group].ctypes.data, inputs[group].ctypes.data
                 finite = kernel.estimating_advance(*addresses, first, h, steps, estimates[group].ctypes.data)
                 alive[group, 0, 0] = float(finite)
+        done.append(groups)
 
     return advance

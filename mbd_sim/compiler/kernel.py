@@ -5,13 +5,14 @@ What a method keeps of earlier steps is in memory behind the inputs of the syste
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import casadi as ca
 
-from mbd_sim.base.disk_cache import casadi_version, records_digest
+from mbd_sim.base.disk_cache import casadi_version, folder, records_digest
 from mbd_sim.compiler.code.host_module import compile_module, compiled_before, new_module
 from mbd_sim.compiler.code.machine_code import MachineCode
 from mbd_sim.compiler.ir.module import Function, Module
@@ -43,9 +44,14 @@ INLINED = 2200  # instructions of all stages together up to which the rates are 
 FEW = 20
 MOVED = 40  # components that a projection changes, up to which they are copied one by one, and others are left alone
 STATE = 1  # the argument of a projection that it moves
+# How long a kernel takes to compile, in s for each instruction of its rates and readers: within a factor of three.
+WITH_CONTACTS, WITHOUT_CONTACTS = 2.5e-3, 0.5e-3
+LONG = 10.0  # s from which on that is said beforehand
 # Readers are called rarely, and in one block without loops LLVM finds little to improve: not optimized, they compile in
 # half the time and take 1.0 to 1.1 of the time.
 NOT_OPTIMIZED = ("noinline", "optnone")
+
+_log = logging.getLogger(__name__)
 
 PartialSystem: TypeAlias = tuple[ca.Function, ca.Function]
 
@@ -76,6 +82,7 @@ def compile_kernel(
     core = slice(0, rates.nnz_out(0)) if core is None else core
 
     def compile_all() -> tuple[MachineCode, KernelSignature]:
+        _announce(sum(each.n_instructions() for each in (rates, *readers.values())), one_sided is not None)
         module = new_module()
         needs = StepNeeds(rates, core, trace_partial_system, lambda function, *_: lower(module, function, inline=False))
         signature = _emit_kernel(
@@ -87,6 +94,15 @@ def compile_kernel(
         return Kernel(*compile_all())
     everything = (rates, projection, dict(readers), method, core, one_sided, between_steps, like_branches, scales)
     return Kernel(*compiled_before(compile_all, records_digest(everything), casadi_version()))
+
+
+def _announce(instructions: int, has_contacts: bool) -> None:
+    """Say that compiling will take long, if it will."""
+    seconds = instructions * (WITH_CONTACTS if has_contacts else WITHOUT_CONTACTS)
+    if seconds >= LONG:
+        kept = folder() is not None
+        later = "later starts find them in the cache" if kept else "without a cache (MBD_SIM_CACHE), at each start"
+        _log.info("compiling the equations may take %.0f s; %s", float(f"{seconds:.1g}"), later)
 
 
 def _emit_kernel(

@@ -4,6 +4,7 @@ import io
 import os
 import subprocess
 import sys
+import warnings
 
 import pytest
 
@@ -68,3 +69,14 @@ def test_converted_files_stay_in_utf8(tmp_path, monkeypatch):
     assert main(["convert", str(tmp_path / "m.yaml")]) == 0
     stream.flush()
     assert stream.buffer.getvalue().decode("utf-8") == text
+
+
+def test_warnings_of_this_package_are_sentences_and_others_keep_their_place(monkeypatch):
+    """A cache that cannot be written was reported with a line of the source that calls the function of the warning."""
+    usual = warnings.formatwarning
+    monkeypatch.setattr(warnings, "formatwarning", usual)
+    plain_output.use_plain_warnings()
+    own, text = plain_output.__file__, "nothing can be stored"
+    assert warnings.formatwarning(text, RuntimeWarning, own, 3) == "warning: nothing can be stored\n"
+    for category, file in ((DeprecationWarning, own), (RuntimeWarning, "/usr/lib/numpy/core.py")):
+        assert warnings.formatwarning(text, category, file, 3, "x") == usual(text, category, file, 3, "x")

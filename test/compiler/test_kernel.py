@@ -245,3 +245,31 @@ def test_code_of_contacts_is_emitted_once(monkeypatch, tmp_path):
             entry.unlink()  # the code itself is gone, as when the cache is full
     with pytest.raises(AssertionError, match="emitted again"):
         compiled(BOUNCING)
+
+
+def test_a_long_compilation_is_announced_once(monkeypatch, tmp_path, caplog):
+    """The first start of a mechanism with many contacts took a minute without a word."""
+    caplog.set_level("INFO", logger="mbd_sim.compiler.kernel")
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path))
+    monkeypatch.setattr(kernel_module, "compiled_before", host_module.compiled_before)
+    mechanism, said = (
+        parse_mechanism(BOUNCING),
+        "compiling the equations may take {} s; later starts find them in the cache",
+    )
+
+    def told():
+        caplog.clear()
+        builder._kernel(derive(mechanism), SimpleNamespace(method=METHODS["tsitouras8"]))
+        return [record.getMessage() for record in caplog.records]
+
+    monkeypatch.setattr(kernel_module, "WITH_CONTACTS", 1.0)
+    (first,) = told()
+    seconds = int(first.split()[5])
+    assert first == said.format(seconds)
+    assert seconds >= 10
+    assert told() == []
+    monkeypatch.setenv("MBD_SIM_CACHE", "off")
+    (without,) = told()
+    assert without.endswith("s; without a cache (MBD_SIM_CACHE), at each start")
+    monkeypatch.setattr(kernel_module, "WITH_CONTACTS", 5.0 / seconds)
+    assert told() == []

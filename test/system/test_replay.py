@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.ros.events_executor import EventsExecutor
@@ -145,6 +145,23 @@ def test_every_message_comes_back_as_it_was_recorded(run: Path, tmp_path: Path, 
     assert received == due(times[-1])
     assert len(clocks) > 20 and all(np.diff(clocks) > 0)
     assert clocks[-1] <= recorded[-1].time_ns and clocks[0] == 0
+
+
+@pytest.mark.parametrize("delay", [2.0, 1e5])
+def test_subscribers_that_wait_for_a_run_receive_it_from_its_start_with_a_delay(
+    run: Path, tmp_path: Path, delay: float
+) -> None:
+    """Played as fast as possible, a run was over before subscribers had found its topics: they received nothing."""
+    recording = open_recording(run)
+    expected = {"/joint_states": [each.payload for each in recording.messages() if each.topic == "/joint_states"]}
+    with replaying(tmp_path, run, start_paused=False, delay=delay, rate=0.0, stay=True) as (_, audience):
+        audience.listen(JointState, "/joint_states")
+        if delay > 1000.0:
+            audience.all_matched()
+            assert audience.received == {"/joint_states": []}
+            assert audience.call(SetBool, "pause", data=False).success
+        audience.until_received(expected)
+    assert list(map(padded, audience.received["/joint_states"])) == list(map(padded, expected["/joint_states"]))
 
 
 def test_steps_seeks_and_latched_topics(run: Path, tmp_path: Path) -> None:

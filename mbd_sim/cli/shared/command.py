@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import sys
 import tempfile
@@ -40,10 +41,12 @@ PATIENCE = 2.0  # s after which a command shows that it is at work
 class Waiting:
     """A line with the stage and the time that has passed, shown on a terminal while a `with` block takes over 2 s.
 
-    It makes room for a `ProgressBar`, and returns at the next `stage`.
+    It makes room for a `ProgressBar`, and returns at the next `stage`. What the compiler says of long work appears as a
+    note, on a terminal or not.
     """
 
     _active: Waiting | None = None
+    _logger = logging.getLogger("mbd_sim.compiler.kernel")
 
     def __init__(self, title: str, quiet: bool) -> None:
         self._command = self._title = title
@@ -51,15 +54,28 @@ class Waiting:
         self._display: Progress | None = None
         self._timer: threading.Timer | None = None
         self._hidden = quiet or sys.stdout is None or not sys.stdout.isatty()
+        self._notes = _Notes(self._say)
+        self._listens = not quiet and sys.stderr is not None
 
     def __enter__(self) -> Self:
         Waiting._active = self
+        if self._listens:
+            self._logger.addHandler(self._notes)
+            self._logger.setLevel(logging.INFO)
         self._start()
         return self
 
     def __exit__(self, *_: object) -> None:
         Waiting._active = None
+        if self._listens:
+            self._logger.removeHandler(self._notes)
+            self._logger.setLevel(logging.NOTSET)
         self._end()
+
+    def _say(self, text: str) -> None:
+        self._end()
+        print(f"note: {text}", file=sys.stderr, flush=True)
+        self._start()
 
     def _start(self) -> None:
         if not self._hidden:
@@ -103,6 +119,17 @@ class Waiting:
         """End what is shown at present."""
         if cls._active is not None:
             cls._active._end()
+
+
+class _Notes(logging.Handler):
+    """Passes on the texts of log messages."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        super().__init__(logging.INFO)
+        self._say = say
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._say(record.getMessage())
 
 
 class ProgressBar:

@@ -15,6 +15,7 @@ from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.code.machine_code import MachineCode
 
 LARGEST = 2**53  # steps; beyond, time in steps is no longer exact
+MOVING = 1  # in the reserved cell of a `call`: the state is being moved
 HEAD = object.__basicsize__  # bytes of the head of every object, `PyObject`
 TYPE = HEAD - ctypes.sizeof(ctypes.c_void_p)  # offset of the address of its type
 _FASTCALL_WITH_KEYWORDS = 0x0080 | 0x0002
@@ -47,7 +48,7 @@ def callable_of(
     """The Python callable of machine code at an address, see `emit_call`, `CompiledFunction` and `bounded_writer`.
 
     :param partner: what the code calls, if anything: with the same arguments where a `call` cannot advance.
-    :param addresses: of the step counter (int64), of the step size (double), and of the pointers that it passes on.
+    :param addresses: what the code finds in the first entry of its `self`.
     :param keep_alive: an object that lives as long as the callable: it refers to the machine code and the arrays.
     :param signature: of the callable, as `inspect` and `help` show it: `step(n=1)`, with its docstring.
     """

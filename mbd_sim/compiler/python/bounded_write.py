@@ -27,7 +27,7 @@ _TYPES = (np.ndarray, list, tuple, float)
 def bounded_writer(
     target: NDArray[np.float64],
     bounds: NDArray[np.float64],
-    enabled: NDArray[np.int64],
+    reserved: NDArray[np.int64],
     fallback: Write,
     signature: str,
     view: type[np.ndarray[Any, Any]] = np.ndarray,
@@ -39,10 +39,10 @@ def bounded_writer(
     arrays, which may hide some of their numbers, it takes `view` alone.
 
     :param bounds: (n,), not negative; each call reads them.
-    :param enabled: (1,); where it is 0, each call is one of the fallback.
+    :param reserved: (1,); where it is not 0, each call is one of the fallback.
     :param signature: of the function, such as `write(numbers)`; its docstring is that of the fallback.
     """
-    arrays = enabled, bounds, np.empty_like(target), target
+    arrays = reserved, bounds, np.empty_like(target), target
     addresses = [len(target), *(array.ctypes.data for array in arrays), *map(id, _TYPES), id(view)]
     code = _code()
     write = callable_of(code.address("write"), fallback, addresses, (code, arrays, view), signature, fallback.__doc__)
@@ -60,7 +60,7 @@ def _code() -> MachineCode:
 class _Emitter:
     """Emits `PyObject* write(PyObject* self, PyObject** arguments, Py_ssize_t count, PyObject* names)`.
 
-    The first entry of `self` is a bytes object with n, the addresses of `enabled`, of the bounds, of memory for the
+    The first entry of `self` is a bytes object with n, the addresses of `reserved`, of the bounds, of memory for the
     checked numbers and of the target, and those of the types, with `view` as the last; the second one is the fallback.
     """
 
@@ -75,12 +75,12 @@ class _Emitter:
         own, arguments, count, names = self._call.args
         table = b.call(self._python["PyBytes_AsString"], [b.call(self._python["PyTuple_GetItem"], [own, integer(0)])])
         self._size = b.load(table, typ=INT)
-        enabled, self._bounds, self._checked, target, *types = (
+        reserved, self._bounds, self._checked, target, *types = (
             b.load(element(b, table, index), typ=POINTER) for index in range(1, 6 + len(_TYPES))
         )
         self._require(b.icmp_unsigned("==", names, Value(POINTER, "null")))
         self._require(b.icmp_unsigned("==", count, integer(1)))
-        self._require(b.icmp_unsigned("!=", b.load(enabled, typ=INT), integer(0)))
+        self._require(b.icmp_unsigned("==", b.load(reserved, typ=INT), integer(0)))
         given = b.load(arguments, typ=POINTER)
         kind, (array, *sequences, self._float, view) = self._type_of(given), types
         with b.if_then(b.or_(b.icmp_unsigned("==", kind, array), b.icmp_unsigned("==", kind, view))):

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from mbd_sim.compiler.code.machine_code import NONE
 from mbd_sim.compiler.ir.builder import DOUBLE, INT, IRBuilder, element, integer
 from mbd_sim.compiler.ir.module import POINTER, VOID, BasicBlock, Function, FunctionType, Module, Value
-from mbd_sim.compiler.python.bound_kernel import LARGEST
+from mbd_sim.compiler.python.bound_kernel import LARGEST, MOVING
 
 RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call
 
@@ -36,10 +36,13 @@ def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Functi
     """Emit `PyObject* call(PyObject* self, PyObject** arguments, Py_ssize_t count, PyObject* names)`.
 
     It is `step(n=1)` for the usual case: it advances and adds n to the step counter. In any other case it calls the
-    second entry of `self` with the same arguments, which raises the error.
+    second entry of `self` with the same arguments, which raises the error; also where n is beyond a limit, or the
+    reserved cell (int64) is not 0. While the interpreter's lock is released, this cell is `MOVING`, so that no other
+    thread moves the state.
 
     :param roles: of each argument of `advance`: "first", "h", "steps", or anything else for a pointer. The first entry
-        of `self` is a bytes object with the addresses of the counter, of h, and of these pointers in order.
+        of `self` is a bytes object with the limit and the addresses of the counter, of the reserved cell, of h, and
+        of these pointers in order.
     """
     python = linked(module)
     none = module.external(NONE, "i8")
@@ -56,12 +59,15 @@ def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Functi
     def address(index: int) -> Value:
         return b.load(element(b, table, index), typ=POINTER)
 
-    counter = address(0)
+    counter, reserved = address(1), address(2)
+    is_reserved = b.icmp_unsigned("!=", b.load(reserved, typ=INT), integer(0))
+    with b.if_then(b.or_(is_reserved, b.icmp_unsigned(">", steps, b.load(table, typ=INT))), likely=False):
+        b.branch(blocks["other"])
     first = b.load(counter, typ=INT)
-    values = {"first": first, "h": b.load(address(1), typ=DOUBLE), "steps": steps}
-    pointers = iter(range(2, 2 + len(roles)))
+    values = {"first": first, "h": b.load(address(3), typ=DOUBLE), "steps": steps}
+    pointers = iter(range(4, 4 + len(roles)))
     passed = [values[role] if role in values else address(next(pointers)) for role in roles]
-    finite = _emit_advance(b, python, advance, passed, steps)
+    finite = _emit_advance(b, python, advance, passed, steps, reserved)
     with b.if_then(b.icmp_unsigned("!=", finite, integer(0)), likely=True):
         b.store(b.add(first, steps), counter)
         b.call(python["Py_IncRef"], [none])
@@ -109,13 +115,16 @@ def _emit_advance(
     advance: Function,
     passed: Sequence[Value],
     steps: Value,
+    reserved: Value,
 ) -> Value:
     """Emit the call of `advance`, without the interpreter's lock if there are many steps. Returns its result."""
     with b.if_else(b.icmp_unsigned(">=", steps, integer(RELEASING))) as (many, few):
         with many:
+            b.store(integer(MOVING), reserved)
             thread = b.call(python["PyEval_SaveThread"], [])
             result_unlocked = b.call(advance, passed)
             b.call(python["PyEval_RestoreThread"], [thread])
+            b.store(integer(0), reserved)
             end_unlocked = b.block
         with few:
             result_locked = b.call(advance, passed)

@@ -230,8 +230,10 @@ class _Expansion:
 
     def _report_twice(self, entry: Location, name: str, key: str, scope: Indices) -> None:
         message = f"the name '{name}' is given twice"
-        remedy = "Choose another name."
-        if scope and not _BRACES.search(key):
+        remedy, plain = "Choose another name.", key.replace("${", "{")
+        if scope and plain != key and _BRACES.search(plain):
+            remedy = f"Write the index of a name without $: {plain}."
+        elif scope and not _BRACES.search(key):
             remedy = f"Put the index into the name: {key}_{{{list(scope)[-1]}}}."
         self._report(entry, InputError(message, remedy), _in_words(scope))
 

@@ -8,10 +8,10 @@ from pydantic import Discriminator, Field, StringConstraints, Tag, model_validat
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.fields import (
+    AnyNumber,
     Direction,
     ExpressionField,
     LengthOfTime,
-    Number,
     PositiveLength,
     PositiveVelocity,
     QuantityField,
@@ -170,14 +170,14 @@ class CouplingSpec(Spec):
     """
 
     type: Literal["coupling"]
-    terms: dict[Coordinate, Number] = Field(min_length=1)
+    terms: dict[Coordinate, AnyNumber] = Field(min_length=1)
     value: Annotated[TimeExpression, ExpressionField(None, state=True, speeds=False)] = TimeExpression("0", {})
     backlash: Annotated[float, QuantityField(None, above=0)] | None = None
     bound: Literal["at_least", "at_most"] | None = None
     restitution: Restitution | None = None
     friction: FrictionCoefficient | None = None
     static_friction: FrictionCoefficient | None = None
-    slip: dict[Coordinate, Number] | None = None
+    slip: dict[Coordinate, AnyNumber] | None = None
     follower: Coordinate | None = Field(
         None, description="which of two coordinates mimics the other one in URDF and SDF; the motion is the same"
     )
@@ -253,7 +253,7 @@ class ClutchSpec(Spec):
     """
 
     type: Literal["clutch"]
-    terms: dict[Coordinate, Number] = Field(min_length=1)
+    terms: dict[Coordinate, AnyNumber] = Field(min_length=1)
     one_way: bool = False
     capacity: Annotated[TimeExpression, ExpressionField(None)] | None = None
     static: Annotated[float, QuantityField("", at_least=1)] = 1.0

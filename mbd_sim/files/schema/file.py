@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, StringConstraints, Tag, model_validator
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.files.schema.actuators import AnyActuatorSpec, AnyBaseSpec
@@ -94,10 +94,17 @@ class InertiaSpec(Spec):
     yz: MomentOfInertia = 0.0
 
 
+def _no_matrix(value: object) -> object:
+    if isinstance(value, list) and any(isinstance(row, list) for row in value):
+        raise InputError("is a matrix", "Write it as [I_xx, I_yy, I_zz] or {xx: …, yy: …, zz: …, xy: …}.")
+    return value
+
+
 InertiaOrMoments = Annotated[
     Annotated[tuple[MomentOfInertia, MomentOfInertia, MomentOfInertia], Tag("list")]
     | Annotated[InertiaSpec, Tag("mapping")],
     Discriminator(written_as),
+    BeforeValidator(_no_matrix),
 ]
 
 

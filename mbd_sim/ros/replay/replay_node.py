@@ -8,11 +8,14 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import Any
 
+from rclpy.clock import Clock as NodeClock
+from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
+from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
@@ -34,6 +37,9 @@ PARAMETERS = (
     ParameterSpec("loop", False, "restart at the end", live=True),
     ParameterSpec("stay", False, "pause at the end instead of exiting", live=True),
     ParameterSpec("start_paused", False, "wait for ~/pause, ~/step or ~/seek before the first message"),
+    ParameterSpec(
+        "delay", 0.0, "s until the first message, in which subscribers find the topics; ~/pause ends it", 0.0, 1e6
+    ),
     ParameterSpec("clock_rate", 200.0, "/clock messages per recorded second; 0: none", 0.0, 100_000.0),
     ParameterSpec("seek_to", 0.0, "target of ~/seek, in s after the first message", 0.0, 1e9, live=True),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the playing thread, if permitted; 0: none", 0, 90),
@@ -155,7 +161,7 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
             end=parameters["end"],
             loop=parameters["loop"],
             stay=parameters["stay"],
-            paused=parameters["start_paused"],
+            paused=parameters["start_paused"] or parameters["delay"] > 0.0,
             clock_rate=0.0 if self.output.clock_recorded else parameters["clock_rate"],
             latched=self.output.latched,
             on_threads_started=self._prioritize,
@@ -165,6 +171,7 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
             raise ValueError(f"start is {start:g} s, but the recording lasts only {duration:g} s")
         if 0.0 < parameters["end"] < parameters["start"]:
             raise ValueError(f"end is {parameters['end']:g} s, before start, {parameters['start']:g} s")
+        self._delay: Timer | None = None
         self._warn_of_gaps(unknown)
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
@@ -172,13 +179,20 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
 
     def start(self) -> None:
         """Start to play."""
+        delay, how = self.parameters["delay"], "playing"
+        if self.player.paused:
+            how = "paused" if self.parameters["start_paused"] else f"playing in {delay:g} s"
         count = sum(topic.count for topic in self.recording.topics.values())
         self.get_logger().info(
-            f"{'paused' if self.player.paused else 'playing'}: {self.recording.path}, {counted(count, 'message')} on "
+            f"{how}: {self.recording.path}, {counted(count, 'message')} on "
             f"{counted(len(self.output.publishers), 'topic')} in {self.player.duration:.6g} s"
         )
         self._start_time = time.perf_counter()
         self.player.start()
+        if delay and not self.parameters["start_paused"]:
+            self._delay = self.create_timer(
+                delay, self._on_delay_over, clock=NodeClock(clock_type=ClockType.STEADY_TIME)
+            )
 
     def stop(self) -> None:
         """Stop; when this returns, everything published has been delivered, or had time for it."""
@@ -207,7 +221,17 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text)
 
+    def _on_delay_over(self) -> None:
+        self._end_delay()
+        self.player.pause(False)
+
+    def _end_delay(self) -> None:
+        if self._delay is not None:
+            self._delay.cancel()
+            self._delay = None
+
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._end_delay()
         self.player.pause(request.data)
         response.success, response.message = True, "paused" if request.data else "playing"
         return response

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from threading import get_ident
 from typing import ClassVar, NoReturn, Self, Unpack
 
 import numpy as np
@@ -27,6 +28,7 @@ from mbd_sim.simulation.ensemble.members import (
     time_dependence,
 )
 from mbd_sim.simulation.ensemble.variants import Change, Variants, member_changes
+from mbd_sim.simulation.kernel.memory import steps_under_way
 from mbd_sim.simulation.model.commands import Command, CommandMap, EffortMap, MemberCommand
 from mbd_sim.simulation.model.model import Model, build_model
 from mbd_sim.simulation.model.state_records import EnsembleDrive, EnsembleEnergies, EnsembleMotion, Losses, Reaction
@@ -45,7 +47,7 @@ from mbd_sim.simulation.run.changes import require_allowed_speeds
 from mbd_sim.simulation.run.moving_points import motion_of
 from mbd_sim.simulation.run.run_point import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
 
-RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
+AT_ONCE = 2000  # steps between two calls of `progress` in `run`, and up to which Ctrl-C does not act
 
 
 class Ensemble(ReadOnlyAttributes):
@@ -100,6 +102,7 @@ class Ensemble(ReadOnlyAttributes):
         self._variants = variants
         self._effort_map = EffortMap.of(self.model.mechanism, variants.effort_limits())
         self._failures: dict[int, MemberFailure] = {}
+        self._count, self._owner = [0], [0]  # of steps; the thread in a call of `step`
         self._starts, values = variants.starts(self.model)
         self._steppers = member_steppers(self.model, variants, len(changes))
         self._groups: MemberGroups = member_groups(self.model, len(changes), self._steppers)
@@ -135,7 +138,7 @@ class Ensemble(ReadOnlyAttributes):
     @property
     def steps(self) -> int:
         """Steps since time zero."""
-        return self._steps
+        return self._count[0]
 
     @property
     def time(self) -> float:
@@ -186,7 +189,7 @@ class Ensemble(ReadOnlyAttributes):
         :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
         self._begin(np.arange(len(self)), q, u, nearest_speeds)
-        self._steps, self._failures = 0, {}
+        self._count[0], self._failures = 0, {}
 
     def restart(
         self,
@@ -224,6 +227,7 @@ class Ensemble(ReadOnlyAttributes):
             self._failures.pop(member, None)
 
     def _begin(self, members: NDArray[np.intp], q: Array | None, u: Array | None, nearest_speeds: bool) -> None:
+        self._require_rest()
         states, inputs, self._start_energies[members] = self._started(members, q, u, nearest_speeds)
         self._groups.put_members("y", members, states)
         self._groups.put_members("inputs", members, np.pad(inputs, ((0, 0), (0, self.model.history_size))))
@@ -263,6 +267,7 @@ class Ensemble(ReadOnlyAttributes):
 
     def snapshot(self) -> EnsembleSnapshot:
         """Everything that the rest of the runs depends on: states, time, efforts, values and the audit."""
+        self._require_rest()
         groups, estimates = self._groups, self.error_estimates
         states, inputs, energies = groups.get("y"), groups.get("inputs"), self._start_energies.copy()
         failures = dict(self._failures)
@@ -278,11 +283,12 @@ class Ensemble(ReadOnlyAttributes):
         :raises ValueError: it is a snapshot of other runs; nothing is changed then.
         """
         require_same_layout(snapshot.layout, self._run_layout)
+        self._require_rest()
         self._groups.put("y", snapshot.state)
         self._groups.put("inputs", snapshot.inputs)
         self._groups.put("estimates", snapshot.error_estimates[:, None])
         self._groups.put("alive", snapshot.alive[:, None].astype(float))
-        self._steps, self._start_energies = snapshot.steps, snapshot.start_energies.copy()
+        self._count[0], self._start_energies = snapshot.steps, snapshot.start_energies.copy()
         self._failures = dict(snapshot.failures)
 
     def sensors(self) -> NoReturn:
@@ -301,6 +307,7 @@ class Ensemble(ReadOnlyAttributes):
 
         :raises CommandError: wrong shape, an unknown name, or a value that is not finite; nothing is changed then.
         """
+        self._require_rest()
         new = self._effort_map.merged_rows(self._groups.get("inputs", self._effort_inputs), efforts)
         self._groups.put("inputs", self._effort_map.clamped(new), self._effort_inputs)
 
@@ -343,6 +350,7 @@ class Ensemble(ReadOnlyAttributes):
         :raises CommandError: wrong shape or number, an unknown actuator or channel, or a value that is not finite;
             nothing is changed then.
         """
+        self._require_rest()
         where = self._command_map.range
         present = self._groups.get("inputs", where)
         self._groups.put("inputs", self._command_map.merged_rows(present, commands), where)
@@ -350,25 +358,39 @@ class Ensemble(ReadOnlyAttributes):
     def step(self, n: int = 1) -> None:
         """Advance all members by n steps.
 
-        If an observer of contacts raises an error, or Ctrl-C ends the steps of a mechanism with contacts, all members
-        stay as they were before this call.
+        If an observer of contacts raises an error, or Ctrl-C ends the steps, all members stay at the last time that all
+        of them have reached: before this call, or after a multiple of 2000 of its steps.
 
+        :raises CommandError: a call of it is under way already, in another thread or as the caller of an observer.
         :raises TypeError: n is not an integer.
         :raises ValueError: n is negative.
         """
-        n, alive = step_count(n), self.alive
-        before = self.snapshot() if self._steppers else None  # members with contacts are advanced one after the other
+        n = step_count(n)
+        for taken in range(0, n, AT_ONCE):
+            self._take(min(AT_ONCE, n - taken))
+
+    def _take(self, n: int) -> None:
+        alive, owner, count, thread, done = self.alive, self._owner, self._count, get_ident(), list[object]()
+        # Between the look and the mark there is no call, where CPython would switch threads or handle Ctrl-C.
+        if owner[0]:
+            raise steps_under_way(owner[0])
+        owner[0] = thread
         try:
-            self._groups.advance(self.steps, self.step_size, n, self._threads)
-        except BaseException:
-            if before is not None:
-                self.restore(before)
-            raise
-        lost = np.flatnonzero(alive & ~self.alive).tolist()
-        if lost:
+            self._groups.advance(self.steps, self.step_size, n, self._threads, done)
+        finally:
+            # Here neither: what has been done is counted.
+            count[0] += n if done else 0
+            owner[0] = 0
+        self._note_lost(np.flatnonzero(alive & ~self.alive).tolist(), n)
+
+    def _note_lost(self, members: Sequence[int], steps: int) -> None:
+        if members:
             inputs = self._inputs
-            self._failures |= {member: MemberFailure(self.steps, n, inputs[member]) for member in lost}
-        self._steps += n
+            self._failures |= {member: MemberFailure(self.steps - steps, steps, inputs[member]) for member in members}
+
+    def _require_rest(self) -> None:
+        if self._owner[0]:
+            raise steps_under_way(self._owner[0])
 
     def run(self, until: float, progress: Callable[[float], None] | None = None) -> None:
         """Advance to the step nearest to time `until` in s; `progress` is called with the time every 2000 steps.
@@ -377,7 +399,7 @@ class Ensemble(ReadOnlyAttributes):
         """
         last = step_at(until, self.step_size, self.steps)
         while self.steps < last:
-            self.step(min(last - self.steps, RUN_CHUNK))
+            self.step(min(last - self.steps, AT_ONCE))
             if progress is not None:
                 progress(self.time)
 
@@ -449,5 +471,6 @@ class Ensemble(ReadOnlyAttributes):
         if len(observers) != len(self):
             counts = f"{counted(len(observers), 'observer')} for {counted(len(self), 'member')}"
             raise ValueError(f"{counts}. Give one for each.")
+        self._require_rest()
         for stepper, observer in zip(self._steppers, observers, strict=False):
             stepper.observer = observer

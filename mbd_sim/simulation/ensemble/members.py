@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import CommandError, DivergedError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.compiler.ensemble_kernel import Advance, MemberGroups, advance_lanes, advance_one_by_one, compile_members
+from mbd_sim.compiler.ensemble_kernel import (
+    Advance,
+    Done,
+    MemberGroups,
+    advance_lanes,
+    advance_one_by_one,
+    compile_members,
+)
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.contact.compiled_contacts import advance_members
 from mbd_sim.simulation.contact.stepper import EventError, OneSidedStepper
@@ -61,7 +68,7 @@ def advance_through_events(steppers: Sequence[OneSidedStepper], inputs_size: int
     """
     contacts = np.array([stepper.packed for stepper in steppers])
 
-    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
+    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range, done: Done) -> None:
         rows = {name: array[:, :, 0] for name, array in arrays.items()}
         compiled = [member for member in groups if steppers[member].is_compiled]
         left = advance_members(contacts, rows, np.array(compiled, dtype=np.int64), first, h, steps)
@@ -73,6 +80,7 @@ def advance_through_events(steppers: Sequence[OneSidedStepper], inputs_size: int
                     alive[0] = float(steppers[member].advance(y, own, history, np.array([first]), h, steps, estimate))
                 except EventError:
                     alive[0] = 0.0
+        done.append(groups)
 
     return advance
 

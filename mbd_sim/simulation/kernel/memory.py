@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from threading import get_ident
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base.errors import CommandError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.compiler.python.bound_kernel import LARGEST, MOVING
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.model.model import Model
 
@@ -19,12 +22,20 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
+STEPPING, LISTENED = 2, 4  # besides `MOVING`: in a call of `step`, and there is a listener
+BUSY = MOVING | STEPPING
+AT_ONCE = 20_000  # steps in one call of compiled code, which Ctrl-C does not interrupt
+_TOGETHER = "Let one thread step the simulation and change it, or take a lock around each call."
+_BETWEEN = "Note what was seen, and act on that when step() has returned; take fewer steps a call to act sooner."
+
 
 class KernelMemory:
     """State, inputs and step counter of a simulation, and the `history` of methods that use earlier steps.
 
     Compiled code keeps the addresses of these arrays. They are written in place and never replaced. A history follows
-    the inputs in memory.
+    the inputs in memory. `reserved` (1,), of which `marks` is a view, holds the bits `MOVING`, `STEPPING` and
+    `LISTENED`; while it is not 0, compiled code that users call leaves each call to Python. `owner` is the thread that
+    is `STEPPING`.
     """
 
     def __init__(self, model: Model, step_size: float, mechanism: Mechanism | None = None) -> None:
@@ -41,6 +52,8 @@ class KernelMemory:
         self.inputs, self.history = memory[:size], memory[size:]
         self._counter, self._step_size = np.zeros(1, dtype=np.int64), np.array([step_size])
         self._error_estimate = np.zeros(1)
+        self.reserved, self._inner = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+        self.marks, self._moving, self.owner = self.reserved.data, self._inner.data, 0
         self._readers: dict[str, Callable[[], Array]] = {}
         self._accelerations: Callable[[], Array] | None = None
         self._step: Callable[..., bool | None] | None = None
@@ -110,15 +123,43 @@ class KernelMemory:
         """
         if self.stepper is not None:
             arrays = self.y, self.inputs, self.history, self._counter
-            return self.stepper.advance(*arrays, self.step_size, n, self._error_estimate)
+            self._moving[0] = MOVING
+            try:
+                return self.stepper.advance(*arrays, self.step_size, n, self._error_estimate)
+            finally:
+                self._moving[0] = 0
         if self._step is None:
-            self._step = self.compiled_step(lambda n: False)
+            self._step = self._compiled_step(lambda n: False, self._inner, LARGEST)
         return self._step(n) is None
 
     def compiled_step(self, fallback: Callable[..., Result]) -> Callable[..., Result | None]:
-        """`step(n=1)` as compiled code, which returns None; it returns `fallback` of its arguments if a step fails."""
-        arrays = (self._counter, self._step_size, self.y, self.inputs, self._error_estimate)
-        return self._kernel.stepper(fallback, [array.ctypes.data for array in arrays], arrays)
+        """`step(n=1)` as compiled code, which returns None.
+
+        It returns `fallback` of its arguments if a step fails, for more than `AT_ONCE` steps, and while `reserved`.
+        """
+        return self._compiled_step(fallback, self.reserved, AT_ONCE)
+
+    def _compiled_step(
+        self, fallback: Callable[..., Result], reserved: NDArray[np.int64], limit: int
+    ) -> Callable[..., Result | None]:
+        arrays = (self._counter, reserved, self._step_size, self.y, self.inputs, self._error_estimate)
+        return self._kernel.stepper(fallback, [limit, *(array.ctypes.data for array in arrays)], arrays)
+
+    def require_rest(self) -> None:
+        """Refuse a change, or a copy of the state, while it is being moved.
+
+        :raises CommandError: it is, in another thread or by the caller of an observer.
+        """
+        if self.marks[0] & MOVING or self._moving[0]:
+            raise self.disturbed()
+
+    def leave_to_python(self, listened: bool) -> None:
+        """Say whether there is a listener, whom compiled code would not tell of steps and efforts."""
+        self.marks[0] = (self.marks[0] & ~LISTENED) | (LISTENED if listened else 0)
+
+    def disturbed(self) -> CommandError:
+        """The error of a step or a change while steps are being taken."""
+        return steps_under_way(self.owner if self.marks[0] & STEPPING else 0)
 
     @property
     def contact_count(self) -> int:
@@ -131,7 +172,13 @@ class KernelMemory:
         :raises EventError: contacts without a solution.
         """
         if self.stepper is not None:
-            self.stepper.find_modes(*self.now)
+            marks, before = self.marks, self.marks[0]
+            marks[0] |= BUSY
+            try:
+                self.owner = get_ident()
+                self.stepper.find_modes(*self.now)
+            finally:
+                marks[0] = before
 
     def restore(
         self, y: Array, inputs: Array, steps: int, error_estimate: float = 0.0, history: Array | None = None
@@ -142,6 +189,13 @@ class KernelMemory:
         """
         self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, error_estimate
         self.history[:] = history if history is not None and len(history) == len(self.history) else 0.0
+
+
+def steps_under_way(owner: int) -> CommandError:
+    """The error of a step or a change while a thread is taking steps: `owner`, or 0 for one that is not this one."""
+    if owner == get_ident():
+        return CommandError("an observer or listener asks for this while its simulation takes steps", _BETWEEN)
+    return CommandError("another thread is taking steps of this simulation", _TOGETHER)
 
 
 def one_sided_stepper(model: Model, mechanism: Mechanism) -> OneSidedStepper:

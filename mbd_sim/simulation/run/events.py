@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
-import numpy as np
-
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.simulation.kernel.memory import KernelMemory
+from mbd_sim.simulation.kernel.memory import AT_ONCE, KernelMemory
 from mbd_sim.simulation.run.run_point import RunPoint
 
 
@@ -188,11 +186,10 @@ class RunListener(Protocol):
 
 
 class RunReports:
-    """The `listener` of a run, if there is one; `unobserved` (1,) says for compiled code: 1 without a listener."""
+    """The `listener` of a run, if there is one."""
 
     def __init__(self, memory: KernelMemory) -> None:
         self.listener: RunListener | None = None
-        self.unobserved = np.ones(1, dtype=np.int64)
         self._memory, self._contacts_seen = memory, 0
 
     def listen(self, listener: RunListener | None) -> None:
@@ -200,11 +197,13 @@ class RunReports:
         if listener is not None and self.listener is not None:
             raise InputError("this simulation is being recorded already", "Close the other recording first.")
         self.listener, self._contacts_seen = listener, self._memory.contact_count
-        self.unobserved[0] = listener is None
+        self._memory.leave_to_python(listener is not None)
 
     def parts_of(self, steps: int) -> Iterator[int] | Sequence[int]:
-        """Steps in the parts that the listener wants."""
-        return (steps,) if self.listener is None else self.listener.parts_of(steps)
+        """Steps in the parts that the listener wants; Ctrl-C is noticed between parts."""
+        if self.listener is not None:
+            return self.listener.parts_of(steps)
+        return (steps,) if steps <= AT_ONCE else (min(AT_ONCE, steps - done) for done in range(0, steps, AT_ONCE))
 
     def report_contacts(self) -> None:
         """Report what has happened at contacts since the last report."""
@@ -221,6 +220,7 @@ class RunReports:
 
     def replace(self, inputs: Array, new: Array, payload: Payload, kind: EventKind = EventKind.COMMAND) -> None:
         """Replace inputs in place; a command that changes no bit of them is not reported."""
+        self._memory.require_rest()
         repeated = self.listener is None or inputs.tobytes() == new.tobytes()
         inputs[:] = new
         if not repeated:

@@ -40,11 +40,11 @@ class RunInputs:
         )
         self.wrench_map = WrenchMap(mechanism, layout)
         self.command_map = CommandMap(mechanism.commanded, layout)
-        self.effort_map, self._reports = effort_map, reports
+        self.effort_map, self._reports, self._reserved = effort_map, reports, memory.reserved
 
     def effort_writer(self, fallback: EffortWriter, signature: str) -> EffortWriter:
         """Compiled code that does without a listener what `set_efforts` does, and calls `fallback` if it cannot."""
-        return effort_writer(self.efforts, self.effort_map, self._reports.unobserved, fallback, signature)
+        return effort_writer(self.efforts, self.effort_map, self._reserved, fallback, signature)
 
     def set_efforts(self, efforts: Efforts) -> None:
         """See `Simulation.set_efforts`."""
@@ -66,13 +66,13 @@ class RunInputs:
 
 
 def effort_writer(
-    target: Array, efforts: EffortMap, unobserved: NDArray[np.int64], fallback: EffortWriter, signature: str
+    target: Array, efforts: EffortMap, reserved: NDArray[np.int64], fallback: EffortWriter, signature: str
 ) -> EffortWriter:
     """Compiled code that writes efforts (nv,) within their limits to a target, and calls `fallback` if it cannot.
 
-    :param unobserved: (1,) where this is 0, it always calls `fallback`.
+    :param reserved: (1,); where this is not 0, it always calls `fallback`.
     :param signature: for error messages.
     """
     from mbd_sim.compiler.python.bounded_write import bounded_writer
 
-    return bounded_writer(target, efforts.limits, unobserved, fallback, signature, ReadOnlyView)
+    return bounded_writer(target, efforts.limits, reserved, fallback, signature, ReadOnlyView)

@@ -146,7 +146,7 @@ class DynamicsReadings:
         def change(given: Efforts) -> None:
             target[:] = efforts.clamped(efforts.merged(target, given))
 
-        return effort_writer(target, efforts, np.ones(1, dtype=np.int64), change, "write(efforts)")
+        return effort_writer(target, efforts, np.zeros(1, dtype=np.int64), change, "write(efforts)")
 
     @cached_property
     def _given_accelerations(self) -> Callable[[], Array]:

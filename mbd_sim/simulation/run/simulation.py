@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from threading import get_ident
 from typing import TYPE_CHECKING, ClassVar, NoReturn, Self, TypeVar, Unpack
 
 import numpy as np
@@ -16,6 +17,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
+from mbd_sim.simulation.kernel.memory import AT_ONCE, BUSY, STEPPING
 from mbd_sim.simulation.model.commands import Command, Efforts, by_name, require_parts
 from mbd_sim.simulation.model.contact_pairs import require_computable_pairs
 from mbd_sim.simulation.model.live_values import LiveValues, PreparedValues
@@ -40,7 +42,6 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.contact.records import ContactObserver
 
 Kind = TypeVar("Kind", bound="BaseSimulation")
-RUN_CHUNK = 20_000  # steps between two calls of `progress` in `run`
 _RESET = "Call reset(q=…, u=…) to start from given coordinates and speeds."
 _RESTORE = "Call reset() to return to time zero, or restore(…) to continue from a snapshot."
 _BUILD = "Build a new Simulation with it."
@@ -54,7 +55,7 @@ class BaseSimulation(PresentState):
     velocity in the parent's axes and the angular velocity in the child's. `y` is the integrated state: q, u, the states
     of actuators, and the energies of the audit. `q`, `u`, `y`, `efforts` and `inputs` are read-only views of the
     kernel's own memory and follow the motion; copy what you want to keep. A simulation must not be used by several
-    threads at once.
+    threads at once: while one takes steps, steps and changes of others raise a `CommandError`.
 
     >>> sim = Simulation.from_file("double_rod")
     >>> sim.run(until=3.0)
@@ -162,23 +163,36 @@ class BaseSimulation(PresentState):
         This is compiled code, at 0.05 µs a call. A subclass may override it; then `super().step(n)` costs 1 µs. A
         mechanism with sensors costs that too, and a few µs more whenever one measures.
 
-        :raises DivergedError: the state would become infinite; it stays as it was before this call, or at the last
-            measurement of a sensor.
+        :raises DivergedError: the state would become infinite; it stays as it was before this call, at the last
+            measurement of a sensor, or after the last multiple of 20,000 steps of this call. Ctrl-C acts there as well.
+        :raises CommandError: a call of it is under way already, in another thread or as the caller of an observer.
         :raises TypeError, ValueError: n is not an integer, or negative.
         """
-        n = step_count(n)
-        for part in self._sensors.divided(self._reports.parts_of(n)):
-            if not self._memory.advance(part):
-                from mbd_sim.simulation.run.advice import divergence
-                from mbd_sim.simulation.run.undefined_expressions import undefined_expression
+        n, memory = step_count(n), self._memory
+        marks = memory.marks
+        # Between the look and the mark there is no call, where CPython would switch threads or handle Ctrl-C.
+        if marks[0] & BUSY:
+            raise memory.disturbed()
+        marks[0] |= STEPPING
+        try:
+            memory.owner = get_ident()
+            for part in self._sensors.divided(self._reports.parts_of(n)):
+                if not memory.advance(part):
+                    raise self._divergence(part)
+                self._reports.report_contacts()
+        finally:
+            marks[0] &= ~STEPPING
 
-                undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
-                closed = [name for name, contact in self.contacts().items() if contact.normal > 0.0]
-                speeds = self.model.drives(self.time, self.y, self.inputs)[1].tolist() if closed else ()
-                moving = [name for name, speed in zip(self.model.driven_names, speeds, strict=False) if speed]
-                advice = self.step_advice
-                raise divergence(self.model, self.time, part, self.step_size, advice, undefined, closed, moving)
-            self._reports.report_contacts()
+    def _divergence(self, steps: int) -> DivergedError:
+        from mbd_sim.simulation.run.advice import divergence
+        from mbd_sim.simulation.run.undefined_expressions import undefined_expression
+
+        undefined = undefined_expression(self.model, self._live.mechanism, self._memory, steps)
+        closed = [name for name, contact in self.contacts().items() if contact.normal > 0.0]
+        speeds = self.model.drives(self.time, self.y, self.inputs)[1].tolist() if closed else ()
+        moving = [name for name, speed in zip(self.model.driven_names, speeds, strict=False) if speed]
+        advice = self.step_advice
+        return divergence(self.model, self.time, steps, self.step_size, advice, undefined, closed, moving)
 
     def advance(self, n: int) -> None:
         """Take n steps; if the state becomes infinite, take as many of them as possible.
@@ -201,7 +215,7 @@ class BaseSimulation(PresentState):
         """
         last = step_at(until, self.step_size, self.steps)
         while self.steps < last:
-            self.advance(min(last - self.steps, RUN_CHUNK))
+            self.advance(min(last - self.steps, AT_ONCE))
             if progress is not None:
                 progress(self.time)
 
@@ -244,8 +258,9 @@ class BaseSimulation(PresentState):
         :raises CommandError: an unknown or driven coordinate, a value by name that is not finite, loops that cannot
             be closed with these values, or speeds that violate the constraints; nothing is changed then.
         """
-        y, inputs = started(self.model, self._inputs.values, q, u, nearest_speeds)
         memory = self._memory
+        memory.require_rest()
+        y, inputs = started(self.model, self._inputs.values, q, u, nearest_speeds)
         memory.restore(y, inputs, 0)
         self.start_energy = self.model.energies(0.0, y, 0.0, inputs).total
         if memory.stepper is not None:
@@ -260,6 +275,7 @@ class BaseSimulation(PresentState):
         These are the time, the state with that of actuators and contacts, efforts, commands and those that are delayed,
         wrenches, live values, the audit, and the samples of sensors. It is plain data, which can be pickled.
         """
+        self._memory.require_rest()
         memory, y, inputs = self._memory, self.state, self._memory.inputs.copy()
         run = memory.steps, y, inputs, self.start_energy, self.live, self.samples, self.history
         return RunPoint(*run, memory.error_estimate, self._run_layout)
@@ -307,6 +323,7 @@ class BaseSimulation(PresentState):
     def _continue_from(
         self, point: RunPoint, samples: Array | None, *, keep_samples: bool = False, find_modes: bool = False
     ) -> None:
+        self._memory.require_rest()
         self._memory.restore(point.state, point.inputs, point.steps, point.error_estimate, point.history)
         if find_modes:
             self._memory.find_modes()
@@ -327,6 +344,7 @@ class BaseSimulation(PresentState):
         :raises CommandError: an unknown or driven coordinate, a value that is no finite number, loops that cannot be
             closed with these values, or parts inside each other or beyond a stop; nothing is changed then.
         """
+        self._memory.require_rest()
         before = self.energies.total
         given = ({} if each is None else by_name(each, "positions and velocities") for each in (positions, velocities))
         y = moved(self.model, self._memory, *given)
@@ -431,6 +449,7 @@ class BaseSimulation(PresentState):
         :raises CommandError: in the present state the change would open loops, or put parts inside each other or beyond
             a stop; nothing is changed then.
         """
+        self._memory.require_rest()
         y, inputs, told = with_live(self.model, self._memory, self.live, prepared)
         before = self.energies.total
         self.model.keep_accounts(self.time, self.y, y, self._memory.inputs, inputs)
@@ -453,4 +472,5 @@ class BaseSimulation(PresentState):
         """
         if self._memory.stepper is None:
             raise ValueError(f"mechanism '{self.mechanism.name}' has no one-sided elements to observe")
+        self._memory.require_rest()
         self._memory.stepper.observer = observer

@@ -1,6 +1,7 @@
 """What commands show while they are at work."""
 
 import io
+import logging
 import sys
 
 import pytest
@@ -82,6 +83,24 @@ def test_a_short_command_shows_nothing(monkeypatch):
         timer = waiting._timer
     timer.join()
     assert waiting._display is None and shown.getvalue() == ""
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+@pytest.mark.parametrize("seen", [True, False])
+def test_what_the_compiler_says_of_long_work_is_a_note_once_and_on_no_terminal_too(monkeypatch, capsys, quiet, seen):
+    if seen:
+        terminal(monkeypatch)
+    logger = logging.getLogger("mbd_sim.compiler.kernel")
+    with Waiting("run", quiet) as waiting:
+        if seen and not quiet:
+            wait_until(lambda: waiting._display is not None, "the line")
+        logger.info("compiling may take %d s", 30)
+        logger.debug("no news")
+        if seen and not quiet:
+            wait_until(lambda: waiting._display is not None, "the line again")
+    logger.info("compiling may take %d s", 40)
+    assert capsys.readouterr().err == ("" if quiet else "note: compiling may take 30 s\n")
+    assert not logger.handlers
 
 
 def test_a_table_is_aligned_and_has_at_most_so_many_rows():

@@ -31,9 +31,9 @@ class Target:
     """Memory for three numbers, and what the fallback was called with."""
 
     def __init__(self, bounds=BOUNDS):
-        self.numbers, self.bounds, self.enabled = np.array(BEFORE), np.array(bounds), np.ones(1, dtype=np.int64)
+        self.numbers, self.bounds, self.reserved = np.array(BEFORE), np.array(bounds), np.zeros(1, dtype=np.int64)
         self.left = []
-        self.write = bounded_writer(self.numbers, self.bounds, self.enabled, self.fallback, "write(numbers)")
+        self.write = bounded_writer(self.numbers, self.bounds, self.reserved, self.fallback, "write(numbers)")
 
     def fallback(self, *arguments, **keywords):
         """Keep the arguments."""
@@ -103,7 +103,7 @@ def test_everything_else_is_left_to_the_fallback(given):
 
 def test_views_of_a_named_type_are_taken_like_arrays():
     target, other = Target(), np.ones(3).view(type("Other", (np.ndarray,), {}))
-    write = bounded_writer(target.numbers, target.bounds, target.enabled, target.fallback, "write(numbers)", View)
+    write = bounded_writer(target.numbers, target.bounds, target.reserved, target.fallback, "write(numbers)", View)
     write(np.array([1.0, -1.0, 5.0]).view(View))
     assert not target.left and target.numbers.tolist() == [1.0, -1.0, 0.0]
     write(np.array([0.5, 0.0, 0.0]))
@@ -124,10 +124,10 @@ def test_other_numbers_of_arguments_are_left_to_the_fallback(arguments, keywords
 
 def test_it_can_be_disabled_and_follows_its_bounds():
     target = Target()
-    target.enabled[0] = 0
+    target.reserved[0] = 4
     target.write(np.zeros(3))
     assert len(target.left) == 1 and target.numbers.tolist() == BEFORE
-    target.enabled[0] = 1
+    target.reserved[0] = 0
     target.bounds[:] = 0.5
     target.write(np.ones(3))
     assert len(target.left) == 1 and target.numbers.tolist() == [0.5, 0.5, 0.5]
@@ -137,7 +137,7 @@ def test_what_the_fallback_raises_and_returns_comes_through():
     def refuse(given):
         raise ValueError(f"not {given}")
 
-    write = bounded_writer(np.zeros(1), np.ones(1), np.ones(1, dtype=np.int64), refuse, "write(numbers)")
+    write = bounded_writer(np.zeros(1), np.ones(1), np.zeros(1, dtype=np.int64), refuse, "write(numbers)")
     with pytest.raises(ValueError, match="not nan"):
         write("nan")
     with pytest.raises(TypeError, match="refuse"):
@@ -146,7 +146,7 @@ def test_what_the_fallback_raises_and_returns_comes_through():
 
 def test_no_numbers_at_all():
     empty, left = np.zeros(0), []
-    write = bounded_writer(empty, empty, np.ones(1, dtype=np.int64), left.append, "write(numbers)")
+    write = bounded_writer(empty, empty, np.zeros(1, dtype=np.int64), left.append, "write(numbers)")
     for given in (np.zeros(0), [], ()):
         assert write(given) is None
     assert not left

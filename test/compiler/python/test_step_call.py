@@ -3,6 +3,7 @@
 import contextlib
 import copy
 import gc
+import signal
 import sys
 import threading
 import time
@@ -161,3 +162,27 @@ def test_a_subclass_without_a_step_keeps_the_compiled_one():
     simulation.step(2)
     assert simulation.steps == 2
     assert type(simulation.step) is type(Simulation.from_file("rod_pendulum").step) is type(len)
+
+
+@pytest.mark.parametrize("name", ["double_rod", "bounce"])
+def test_one_call_of_many_steps_can_be_interrupted(name):
+    """A cell of a notebook with a zero too many could not be stopped, but by ending its kernel."""
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    simulation, again = Simulation.from_file(name), Simulation.from_file(name)
+    handler = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            simulation.step(10**9)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, handler)
+    assert simulation.steps < 10**8
+    again.step(simulation.steps)
+    assert state(simulation) == state(again)
+    simulation.step(20_001)
+    again.step(20_001)
+    assert state(simulation) == state(again)

@@ -110,6 +110,9 @@ def test_an_empty_range_stands_for_no_entry():
          ["chain.yaml:16: joints.'pin_{i}'.for.l: the index 'l' has the name of a parameter. Rename one of them."]),
         ("pin_{i}:", "pin:",
          ["chain.yaml:15: joints.pin (i = 3): the name 'pin' is given twice. Put the index into the name: pin_{i}."]),
+        ("pin_{i}:", "pin_${i}:",
+         ["chain.yaml:15: joints.'pin_${i}' (i = 3): the name 'pin_${i}' is given twice. "
+          "Write the index of a name without $: pin_{i}."]),
         ("{i: 2..n}", "{i: 2..1e9}",
          ["chain.yaml:16: joints.'pin_{i}'.for.i: has more than 60000 values (got '2..1e9'). Use fewer repetitions."]),
         ("link_{i-1}.tip", "link_{j-1}.tip",

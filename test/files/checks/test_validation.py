@@ -266,3 +266,31 @@ def test_a_problem_prints_what_it_has():
 def test_thousands_of_wrong_types_are_answered_in_time():
     wrong_types = "".join(f"  j{i}: {{type: hing, between: [ground, rod]}}\n" for i in range(2000))
     assert count_problems(PENDULUM + wrong_types) == 2000
+
+
+@pytest.mark.parametrize("inertia", ["[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", "[[1, 0, 0], 1, 1]"])
+def test_an_inertia_that_is_written_as_a_matrix_is_told_how_it_is_written_here(inertia):
+    """Each row "must be a number", it was said."""
+    text = f"mechanism: x\nparts: {{b: {{mass: 1, inertia: {inertia}}}}}\njoints: {{b: {{type: free, between: [ground, b]}}}}\n"
+    with pytest.raises(
+        MechanismError, match=r"^<text>:2: parts\.b\.inertia: is a matrix\. Write it as \[I_xx, I_yy, I_zz\]"
+    ):
+        parse_mechanism(text)
+
+
+YOYO = """
+mechanism: yoyo
+parameters: {r: 5 mm, m: 0.1}
+parts: {yoyo: {shape: {type: disc, radius: 3 cm, axis: [0, 1, 0], mass: m}}}
+joints: {yoyo: {type: planar, between: [ground, yoyo], axis: [0, 1, 0], x_axis: [0, 0, 1]}}
+constraints: {string: {type: coupling, terms: {yoyo.x: 1, yoyo.angle: r}}}
+"""
+
+
+def test_factors_of_coordinates_may_have_units():
+    """The radius on which a string is wound was refused: "a plain number is expected here"."""
+    from mbd_sim import Simulation
+
+    sim = Simulation(parse_mechanism(YOYO))
+    sim.run(until=0.3)
+    assert sim.u[0] == pytest.approx(-9.81 * 0.3 / (1 + 0.03**2 / 2 / 0.005**2), rel=1e-12)

@@ -1,3 +1,5 @@
+import signal
+
 import numpy as np
 import pytest
 
@@ -281,3 +283,36 @@ def test_resting_speeds_that_contradict_a_drive_are_refused():
     lift = Simulation.from_file("scissor_lift", set={"joints.bearing.drive": "3*t"})
     with pytest.raises(CommandError, match="do not allow these speeds"):
         lift.reset(u=np.zeros(len(lift.u)))
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("double_rod", {"threads": 1}),
+        ("double_rod", {"threads": 2}),
+        ("double_rod", {"threads": 2, "method": "taylor"}),
+        ("bounce", {"threads": 2}),
+    ],
+)
+def test_ctrl_c_leaves_all_members_at_the_time_of_the_ensemble(name, options):
+    """They were up to 2000 steps ahead of it, each time, and went on from there at the wrong time; or it was ignored."""
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    members, reached = Ensemble.from_file(name, 40, **options), set()
+    handler = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        for delay in np.random.default_rng(1).uniform(0.001, 0.1, 8):
+            members.reset()
+            signal.setitimer(signal.ITIMER_REAL, delay)
+            with pytest.raises(KeyboardInterrupt):
+                members.step(10**9)
+            alone = Ensemble.from_file(name, 1, **options)
+            alone.step(members.steps)
+            assert np.array_equal(members.state, np.repeat(alone.state, 40, axis=0))
+            reached.add(members.steps)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, handler)
+    assert 0 < max(reached) < 10**7
