@@ -72,7 +72,7 @@ elif "PYTEST_XDIST_WORKER" not in os.environ:  # workers use the folder of the p
 
 # The processes of a test run take turns at compiling what all contacts share: the first one does, for all others.
 CONTACTS_TURN = Path(os.environ["MBD_SIM_CACHE"], "contacts.turn")
-CONTACTS_TURN.parent.mkdir(parents=True, exist_ok=True)
+CONTACTS_TURN.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 settings.register_profile(
     "mbd_sim",
@@ -101,9 +101,8 @@ def _compile_as_for_users(contents, emit):
 
 
 library.compile_once = _compile_as_for_users
-# Tests compare code that is emitted in different ways from the same equations. What it is found by takes long to compute.
+# Tests compare code that is emitted in different ways from the same equations.
 kernel.compiled_before = lambda compile_, *_: compile_()
-kernel.records_digest = lambda _: ""
 disk_cache.LARGEST = math.inf  # to look at all entries takes as long as to compile one
 
 

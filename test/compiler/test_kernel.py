@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim.base import disk_cache
 from mbd_sim.compiler import kernel as kernel_module
 from mbd_sim.compiler.code import host_module, machine_code
 from mbd_sim.compiler.ir import module
@@ -224,7 +223,6 @@ def test_code_of_contacts_is_emitted_once(monkeypatch, tmp_path):
     """A second start of a robot on its floor took six seconds, of which four emitted what was compiled before."""
     monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path))
     monkeypatch.setattr(kernel_module, "compiled_before", host_module.compiled_before)
-    monkeypatch.setattr(kernel_module, "records_digest", disk_cache.records_digest)
 
     def compiled(text, method="tsitouras8"):
         return builder._kernel(derive(parse_mechanism(text)), SimpleNamespace(method=METHODS[method]))
