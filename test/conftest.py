@@ -6,6 +6,7 @@ The first process removes the shared memory of killed nodes, before and after th
 """
 
 import atexit
+import fcntl
 import functools
 import gc
 import math
@@ -69,6 +70,10 @@ elif "PYTEST_XDIST_WORKER" not in os.environ:  # workers use the folder of the p
     os.environ["MBD_SIM_CACHE"] = _kernels
     atexit.register(shutil.rmtree, _kernels, ignore_errors=True)
 
+# The processes of a test run take turns at compiling what all contacts share: the first one does, for all others.
+CONTACTS_TURN = Path(os.environ["MBD_SIM_CACHE"], "contacts.turn")
+CONTACTS_TURN.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+
 settings.register_profile(
     "mbd_sim",
     derandomize=True,
@@ -88,7 +93,9 @@ def _compile_as_for_users(contents, emit):
     """What all contacts share is compiled once for all tests; where they run it for seconds, that takes a third less."""
     level, machine_code.LEVEL = machine_code.LEVEL, 1
     try:
-        return host_module.compile_once(contents, emit)
+        with CONTACTS_TURN.open("w") as turn:
+            fcntl.flock(turn, fcntl.LOCK_EX)
+            return host_module.compile_once(contents, emit)
     finally:
         machine_code.LEVEL = level
 

@@ -48,6 +48,12 @@ def target_machine(cpu: str, features: str, level: int) -> llvm.TargetMachine:
     return target.create_target_machine(opt=level, cpu=cpu, features=features, **ADDRESSES)
 
 
+@functools.cache
+def _compiling_machine(cpu: str, features: str, level: int) -> llvm.TargetMachine:
+    """The one that compiles all units, one after the other: with a new one, a small unit takes half as long again."""
+    return target_machine(cpu, features, level)
+
+
 @contextmanager
 def _options() -> Iterator[None]:
     """Compile with the `OPTIONS`."""
@@ -68,12 +74,12 @@ def object_code(text: str, cpu: str, features: str, level: int) -> bytes:
     spilled registers on long chains, and its full pipelines take three times as long. So only those passes run that the
     stepping loop needs: inlining, promotion of arrays to registers, value numbering, elimination of dead stores.
     """
-    machine = target_machine(cpu, features, level)
     parsed = llvm.parse_assembly(text)
     parsed.verify()
     passes = llvm.create_new_module_pass_manager()
     for name in PASSES[level]:
         getattr(passes, f"add_{name}_pass")()
     with _options():
+        machine = _compiling_machine(cpu, features, level)
         passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
         return bytes(machine.emit_object(parsed))

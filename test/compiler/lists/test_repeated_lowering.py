@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.compiler.code import machine_code
 from mbd_sim.compiler.code.host_module import compile_module, new_module
 from mbd_sim.compiler.lists import repeated_lowering
 from mbd_sim.compiler.lists.instruction_list import graph_of, is_leaf
@@ -127,7 +128,8 @@ def test_code_without_repeats_stays_as_it_is(monkeypatch):
 
 
 def test_balls_that_strike_each_other_move_the_same_bits_in_loops(always, monkeypatch):
-    """With loops over all like sections, and over gaps in the guards of steps."""
+    """With loops over all like sections, and over gaps in the guards of steps; `test_loops_…` runs optimized code."""
+    monkeypatch.setattr(machine_code, "LEVEL", 0)
     monkeypatch.setattr(guarded, "FEW", 2)
     looped = Simulation.from_text(BALLS)
     assert always
