@@ -160,7 +160,14 @@ class CompiledContacts:
                 self._failures.append(error)
                 return step.NO_SOLUTION
 
-        self._callbacks = prototype(DECIDE.result, DECIDE.arguments)(decided), prototype("None", ())(note)
+        def noted() -> None:
+            try:
+                if not self._failures:
+                    note()
+            except BaseException as error:
+                self._failures.append(error)
+
+        self._callbacks = prototype(DECIDE.result, DECIDE.arguments)(decided), prototype("None", ())(noted)
         first, second = map(address_of, self._callbacks)
         self._contacts = replace(self._contacts, decide=first, note=second)
         self._address = packed(self._contacts).ctypes.data

@@ -412,6 +412,26 @@ def test_an_observer_sees_events_and_the_energies_of_impacts_and_changes_nothing
     assert observed.contact_event_count > len(seen.events) == count
 
 
+class Failing(Seen):
+    """Fails at its third event."""
+
+    def event(self, event):
+        super().event(event)
+        if len(self.events) == 3:
+            raise KeyError(event.name)
+
+
+@pytest.mark.parametrize("steps", [100, 6000])
+def test_an_observer_that_fails_ends_the_steps_and_nothing_has_changed(steps):
+    """Also where there are more events than the memory of one call holds, which are passed on in between."""
+    sim, seen = Simulation.from_file("bounce", set={"parameters.e": 1, "parameters.h": "0.1 mm"}), Failing()
+    before = sim.state.tobytes()
+    sim.observe_contacts(seen)
+    with pytest.raises(KeyError, match="floor"):
+        sim.step(steps)
+    assert (sim.state.tobytes(), sim.time, len(seen.events)) == (before, 0.0, 3)
+
+
 def test_without_one_sided_elements_there_is_nothing_to_observe():
     with pytest.raises(ValueError, match="mechanism 'double_rod' has no one-sided elements to observe"):
         Simulation.from_file("double_rod").observe_contacts(Seen())
