@@ -22,6 +22,7 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     MEETING,
     POINT,
     height_above,
+    is_crossed,
     is_offered,
     meet_crossing,
     place_on_edge,
@@ -189,26 +190,29 @@ def beneath(
 
     The end lies flat also if it touches nothing else.
     """
-    sign, body, other, face, sine = 1.0, a, b, 0, 0.0
+    sign, body, other, face, sine, is_sharp = 1.0, a, b, 0, 0.0, p.radius == 0.0
     key, outward, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
     if kind == FACE_POINT:
         sign, body, other = -1.0, b, a
+    is_sharp = is_sharp and not other.hull.is_curved
     for k in range(body.hull.faces):
         if dot(body.normals[3 * k :], normal) < dot(body.normals[3 * face :], normal):
             face = k
     scale(-sign, body.normals[3 * face :], outward)
     sine = tilt(body, corner_of(body.hull, face), normal)
-    if sine > FLAT_TILT or (found[1] == 0.0 and (p.radius > 0.0 or other.hull.is_curved)):
+    if sine > FLAT_TILT or (found[1] == 0.0 and not is_sharp):
         return
     for code in range(codes(other.hull)):
-        if code % CODES >= POINTS and lies(other, body, face, code, 1.0, at):
+        if code % CODES < POINTS or not lies(other, body, face, code, 1.0, at):
+            continue
+        if not (is_sharp and is_crossed(other, code // CODES, body, corner_of(body.hull, face))):  # see below
             key[KIND], key[FIRST], key[SECOND] = FACE_POINT, face, code
             if kind == FACE_POINT:
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
             meet(p, a, b, key, outward, at, meeting)
             note(p, before, key, meeting[GAP], least, found)
     # Over edges a part of the end may hang.
-    for side in range(0 if other.hull.is_curved or p.radius > 0.0 else other.hull.sides):
+    for side in range(other.hull.sides if is_sharp else 0):
         key[KIND], key[FIRST], key[SECOND] = RIM_EDGE, face, side
         if kind == FACE_POINT:
             key[KIND], key[FIRST], key[SECOND] = EDGE_RIM, side, face
