@@ -65,7 +65,7 @@ def random_feet(chance):
 
 def is_admitted(simulation, laws):
     """Whether the body is accelerated as one of the modes says."""
-    return any(np.allclose(simulation.u_rates[:3], rates, rtol=1e-3, atol=1e-3) for rates in laws)
+    return any(np.allclose(simulation.u_rates[:3], rates, rtol=1e-9, atol=1e-9) for rates in laws)
 
 
 def test_feet_that_begin_to_bear_move_as_the_laws_admit():
