@@ -44,11 +44,16 @@ place x, so that nothing jumps; and an end that tips over an edge is not bent th
 The arc of a rim between two of the fixed points is lower than these: up to 0.13 ρ |t|. An edge or a corner of the face
 that arrives under an arc, or is found there as a point leaves the face, is therefore within the end already. It keeps
 the height at which it was found: its gap begins at zero, and it does no work. It is closed as long as it bears, while
-the end cannot sink deeper; as the end comes to lie flat, it opens, and touches at zero when it is found again.
+the end cannot sink deeper; as the end comes to lie flat, it opens, and touches at zero when it is found again. An edge
+bears the end along its axis there, at the point where it crossed the rim when it was found, which is fixed in the edge;
+its row is that of such a point. Once the crossing has run on from there by a quarter of half of the chord, it is found
+again. Along n, which is steep while the chord is short, the edge would strike the rim from the side; and since the
+crossing runs ever faster as the chord vanishes, one that keeps its height would throw a tilted end up.
 
-What rows do not use is known to the narrow phase alone: of a crossing, half of its last chord, among the cosines; of a
-rim on a face, the last direction from its center to the point that touches, among the directions of sides; of
-two sides, the last place in the second part where they crossed, in place of the normal.
+What rows do not use is known to the narrow phase alone: of a crossing, half of its last chord, or of the chord when its
+edge was found within the end, among the cosines; of a rim on a face, the last direction from its center to the point
+that touches, among the directions of sides; of two sides, the last place in the second part where they crossed, in
+place of the normal.
 """
 
 from __future__ import annotations

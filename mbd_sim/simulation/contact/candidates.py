@@ -258,10 +258,16 @@ class Candidates:
         return float(self._terms.sizes[index, 1] * self._found.loads.get(index, 1.0) * self._narrowing.get(index, 1.0))
 
     def _slipping(self, forces: Array, rates: Array) -> dict[int, Array]:
-        """Sticking elements that begin to slide, with the direction of that; friction is then at its limit."""
+        """Sticking elements that begin to slide, with the direction of that; friction is then at its limit.
+
+        That of a gap which opens needs no direction: its gap could be found closed with the one in which it moves while
+        it is free, against which it then slides.
+        """
         found = {}
         for index in self._sticking:
-            rows = self._model.frictions[index][0]
+            rows, gap = self._model.frictions[index]
+            if gap is not None and not forces[gap] > 0.0 and rates[gap] > self._unmoved[gap]:
+                continue
             force, limit = forces[list(rows)], self._limit(index, forces)
             size, acceleration = euclidean_norm(force), rates[list(rows)]
             at_limit = size >= limit * AT_LIMIT - SMALLEST * self._model.loads[rows[0]]

@@ -16,7 +16,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import dot, place, siz
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 
 DISTANCE = External("float", ("int", "Array", "Array"))
-BEYOND = External("float", ("int", "Array", "Array", "Array", "Array"))
+BEYOND = External("float", ("int", "Array", "Array", "Array", "Array", "float", "Array"))
 MARGIN = External("float", ("int", "Array", "Array", "Array", "Array"))
 TOUCHING = External("int", ("int", "Array", "Array", "float", "Array"))
 RENEW = External("None", ("int", "Array", "Array", "Array"))
@@ -101,17 +101,21 @@ def distance_at(pair: FeaturePair, places: Array) -> float:
 def beyond_gaps(c: Contacts, pair: FeaturePair, inputs: Array, before: Array, places: Array, readings: Array) -> float:
     """The distance, less the lowest of the gaps of the closed slots if that is negative.
 
-    Features that were within each other `before`, by more than round-off, count from how deep they were there.
+    Features that were within each other `before`, by more than round-off, count from how deep they were there. Slots
+    that were found so and are closed say themselves how their features move.
     """
     one, other, one_before, other_before = zeros(POSE), zeros(POSE), zeros(POSE), zeros(POSE)
-    lowest, distance = 0.0, distance_at(pair, places)
+    lowest, distance, limit, held, at = 0.0, distance_at(pair, places), -WITHIN * c.accuracy, zeros(pair.slots), 0
     for slot in range(pair.slots):
         if is_closed(c, pair, inputs, slot):
             lowest = min(lowest, readings[1 + pair.gaps[slot]])
-    if distance < -WITHIN * c.accuracy and pair.beyond != 0 and distance_at(pair, before) < -WITHIN * c.accuracy:
+            at = pair.numbers + pair.size * slot
+            if pair.found_at >= 0 and inputs[at + pair.found_at] < 0.0:
+                held[slot] = inputs[at + pair.size - 1]
+    if distance < limit and pair.beyond != 0 and distance_at(pair, before) < limit:
         put(pair, places, one, other)
         put(pair, before, one_before, other_before)
-        distance = BEYOND(pair.beyond, pair.data, one_before, other_before, one, other)
+        distance = BEYOND(pair.beyond, pair.data, one_before, other_before, one, other, limit, held)
     return distance - lowest
 
 

@@ -281,6 +281,8 @@ def goes_on(
     for gap in range(c.gaps):
         if opening[gap] or (inputs[c.first_mode + gap] == 0.0 and is_touching(c, readings, gap)):
             return False
+        if c.slots[gap] and inputs[c.first_mode + gap] != 0.0 and abs(rates[gap]) > RESTING * c.row_speeds[gap]:
+            return False  # its point is another one
     for k in range(c.frictions):
         limit = STOPPED * c.row_speeds[c.friction_rows[2 * k]]
         if yielding[k] or (slides(c, inputs, k) and length_along(c, k, rates) <= limit):

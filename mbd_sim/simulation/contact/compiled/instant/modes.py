@@ -156,7 +156,13 @@ def settle(c: Contacts, s: Search) -> bool:
 
 
 def begins_to_slide(c: Contacts, s: Search, element: int) -> bool:
-    """Whether friction that is to stick moves, at its limit."""
+    """Whether friction that is to stick moves, at its limit; that of a gap which opens needs no direction.
+
+    Its gap could be found closed with the direction in which it moves while it is free, against which it then slides.
+    """
+    gap = c.friction_gaps[element]
+    if gap >= 0 and not s.forces[gap] > 0.0 and s.rates[gap] > s.unmoved[gap]:
+        return False
     if not length_along(c, element, s.forces) >= limit_of(c, s, element) * AT_LIMIT:
         return False
     return length_along(c, element, s.rates) > s.unmoved[c.friction_rows[2 * element]]

@@ -9,14 +9,17 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.dynamics.contact.shapes import UNBENT
+from mbd_sim.dynamics.contact.shapes import FLAT_TILT, UNBENT
 from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     CROSSED,
     FLAT,
     PlacedRound,
     RoundHull,
     bend_below,
+    corner_of,
+    facing,
     middle,
+    tilt,
 )
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     EDGE_RIM,
@@ -28,7 +31,16 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     RoundBodies,
     support,
 )
-from mbd_sim.simulation.contact.compiled.features.vectors import add, cross, dot, scale, size_of, subtract
+from mbd_sim.simulation.contact.compiled.features.vectors import (
+    add,
+    cross,
+    dot,
+    place,
+    place_back,
+    scale,
+    size_of,
+    subtract,
+)
 
 # Two features that meet, or could: their unit normal, gap, margin, and the point at which they meet; the direction from
 # which a row iterates, which is mostly the normal, and how far it may turn from there.
@@ -141,9 +153,43 @@ def is_crossing(kind: int) -> bool:
     return kind in (EDGE_RIM, RIM_EDGE)
 
 
+def is_offered(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array) -> bool:
+    """Whether a crossing that meets is where an edge can touch: its chord is long enough, and its normal not steep."""
+    return meeting[MARGIN] >= 0.0 and not is_steep(end_normal(a, b, key), meeting)
+
+
+def lies_flat(a: PlacedRound, b: PlacedRound, key: Integers) -> bool:
+    """Whether the end of a crossing lies nearly flat on a face of the body with the edge."""
+    edge, end, face = a, b, key[SECOND]
+    if key[KIND] == RIM_EDGE:
+        edge, end, face = b, a, key[FIRST]
+    own = facing(end, face, edge)
+    return own >= 0 and tilt(end, corner_of(end.hull, face), edge.normals[3 * own :]) <= FLAT_TILT
+
+
 def height_of(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array) -> float:
     """The gap of features that meet, and of a crossing that along the axis of the end."""
     return meeting[GAP] / abs(dot(meeting[NORMAL:], end_normal(a, b, key))) if is_crossing(key[KIND]) else meeting[GAP]
+
+
+def place_on_edge(a: PlacedRound, b: PlacedRound, key: Integers, point: Array, out: Array) -> None:
+    """A point in the frame of the part with the edge of a crossing."""
+    place_back(a.pose if key[KIND] == EDGE_RIM else b.pose, point, out)
+
+
+def point_on_edge(a: PlacedRound, b: PlacedRound, key: Integers, own: Array, out: Array) -> None:
+    """Where a point is that is fixed in the part with the edge of a crossing."""
+    place(a.pose if key[KIND] == EDGE_RIM else b.pose, own, out)
+
+
+def height_above(a: PlacedRound, b: PlacedRound, key: Integers, point: Array) -> float:
+    """How far in m a point of the edge of a crossing is above the end, as this is bent; negative within it."""
+    edge, end, face, center, line = a, b, key[SECOND], zeros(3), zeros(3)
+    if key[KIND] == RIM_EDGE:
+        edge, end, face = b, a, key[FIRST]
+    middle(end, face, center)
+    subtract(point, center, line)
+    return dot(line, end.normals[3 * face :]) - bend_below(end, face, edge, point)
 
 
 def half_of_chord(a: PlacedRound, b: PlacedRound, key: Integers) -> float:

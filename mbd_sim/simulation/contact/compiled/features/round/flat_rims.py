@@ -20,10 +20,13 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     GAP,
     MARGIN,
     MEETING,
-    height_of,
-    is_crossing,
-    is_steep,
+    POINT,
+    height_above,
+    is_crossed,
+    is_offered,
     meet_crossing,
+    place_on_edge,
+    point_on_edge,
 )
 from mbd_sim.simulation.contact.compiled.features.round.meetings import meet
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
@@ -42,6 +45,7 @@ from mbd_sim.simulation.contact.compiled.features.round.normals import (
     simple_normal,
     support,
 )
+from mbd_sim.simulation.contact.compiled.features.round.slots import encoded
 from mbd_sim.simulation.contact.compiled.features.vectors import dot, scale, subtract
 
 BENT = 4e-3  # of the radius of an end: more than it is bent, and than it lies in a face by, where it lies nearly flat
@@ -51,11 +55,16 @@ THIN = 1e-12  # of a body's reach: the thickness of a disc or a plate, which hav
 
 @dataclass(frozen=True)
 class Before:
-    """Both bodies at an earlier pose; without one `is_known` is False."""
+    """Both bodies at an earlier pose; without one `is_known` is False.
+
+    Gaps below a `limit` are not round-off. The keys `held` are those of points of edges beneath an end that bear.
+    """
 
     a: PlacedRound
     b: PlacedRound
     is_known: bool
+    limit: float
+    held: Array
 
 
 def with_flat_rims(p: RoundBodies, a: PlacedRound, b: PlacedRound, before: Before, apart: float) -> float:
@@ -117,18 +126,39 @@ def note(p: RoundBodies, before: Before, key: Integers, gap: float, least: float
         found[0] = min(found[0], gap - gap_before(p, before, key) if gap < 0.0 and before.is_known else gap)
 
 
+def note_crossing(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, before: Before, key: Integers, meeting: Array, least: float,
+    found: Array,
+) -> None:  # fmt: skip
+    """Note the gap of a crossing; where the edge was within the end before, how far that point of it has moved."""
+    earlier, own, at = zeros(MEETING), zeros(3), zeros(3)
+    if meeting[GAP] < least or not (before.is_known and meeting[GAP] < 0.0):
+        note(p, before, key, meeting[GAP], least, found)
+        return
+    for k in range(p.slots):
+        if before.held[k] == encoded(key):
+            return
+    was = meet_crossing(before.a, before.b, key, earlier) and is_offered(before.a, before.b, key, earlier)
+    if was and earlier[GAP] < before.limit:
+        place_on_edge(before.a, before.b, key, earlier[POINT:], own)
+        point_on_edge(a, b, key, own, at)
+        moved = height_above(a, b, key, at) - height_above(before.a, before.b, key, earlier[POINT:])
+        found[0] = min(found[0], moved)
+    else:
+        found[0] = min(found[0], meeting[GAP])
+
+
 def gap_before(p: RoundBodies, before: Before, key: Integers) -> float:
-    """The gap of a pair of features at the earlier pose, see `height_of`, if it was negative there; else 0."""
+    """The gap of a pair of features at the earlier pose if it was negative there; else 0."""
     a, b, normal, at, meeting = before.a, before.b, zeros(3), zeros(3), zeros(MEETING)
     radius = a.hull.reach + b.hull.reach
-    if not is_crossing(key[KIND]):
-        simple_normal(a, b, key, normal)
+    simple_normal(a, b, key, normal)
     if key[KIND] == POINT_FACE and not lies(a, b, key[SECOND], key[FIRST], 1.0, at):
         return 0.0
     if key[KIND] == FACE_POINT and not lies(b, a, key[FIRST], key[SECOND], 1.0, at):
         return 0.0
     meet(p, a, b, key, normal, at, meeting)
-    return min(height_of(a, b, key, meeting), 0.0) if meeting[MARGIN] >= -KNOWN * radius else 0.0
+    return min(meeting[GAP], 0.0) if meeting[MARGIN] >= -KNOWN * radius else 0.0
 
 
 def points_of_rims(
@@ -160,34 +190,36 @@ def beneath(
 
     The end lies flat also if it touches nothing else.
     """
-    sign, body, other, face, sine = 1.0, a, b, 0, 0.0
+    sign, body, other, face, sine, is_sharp = 1.0, a, b, 0, 0.0, p.radius == 0.0
     key, outward, at, meeting = integers(KEY), zeros(3), zeros(3), zeros(MEETING)
     if kind == FACE_POINT:
         sign, body, other = -1.0, b, a
+    is_sharp = is_sharp and not other.hull.is_curved
     for k in range(body.hull.faces):
         if dot(body.normals[3 * k :], normal) < dot(body.normals[3 * face :], normal):
             face = k
     scale(-sign, body.normals[3 * face :], outward)
     sine = tilt(body, corner_of(body.hull, face), normal)
-    if sine > FLAT_TILT or (found[1] == 0.0 and (p.radius > 0.0 or other.hull.is_curved)):
+    if sine > FLAT_TILT or (found[1] == 0.0 and not is_sharp):
         return
     for code in range(codes(other.hull)):
-        if code % CODES >= POINTS and lies(other, body, face, code, 1.0, at):
+        if code % CODES < POINTS or not lies(other, body, face, code, 1.0, at):
+            continue
+        if not (is_sharp and is_crossed(other, code // CODES, body, corner_of(body.hull, face))):  # see below
             key[KIND], key[FIRST], key[SECOND] = FACE_POINT, face, code
             if kind == FACE_POINT:
                 key[KIND], key[FIRST], key[SECOND] = POINT_FACE, code, face
             meet(p, a, b, key, outward, at, meeting)
             note(p, before, key, meeting[GAP], least, found)
     # Over edges a part of the end may hang.
-    for side in range(0 if other.hull.is_curved or p.radius > 0.0 else other.hull.sides):
+    for side in range(other.hull.sides if is_sharp else 0):
         key[KIND], key[FIRST], key[SECOND] = RIM_EDGE, face, side
         if kind == FACE_POINT:
             key[KIND], key[FIRST], key[SECOND] = EDGE_RIM, side, face
         for number in range(2):
             key[SIGN] = 2 * number - 1
-            is_offered = meet_crossing(a, b, key, meeting) and not is_steep(body.normals[3 * face :], meeting)
-            if is_offered and meeting[MARGIN] >= 0.0:
-                note(p, before, key, height_of(a, b, key, meeting) if before.is_known else meeting[GAP], least, found)
+            if meet_crossing(a, b, key, meeting) and is_offered(a, b, key, meeting):
+                note_crossing(p, a, b, before, key, meeting, least, found)
     for corner in range(other.hull.count):
         if not other.hull.curved[corner]:
             key[KIND], key[FIRST], key[SECOND] = FACE_CORNER, face, corner

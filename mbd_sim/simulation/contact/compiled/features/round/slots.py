@@ -10,13 +10,17 @@ from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, FOUN
 from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT, PASSED, SLANTED
 from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound, RoundHull, facing
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
+    CHANGED,
     GAP,
     NORMAL,
     POINT,
     TOWARD,
     half_of_chord,
+    height_above,
     height_of,
     is_crossing,
+    lies_flat,
+    point_on_edge,
 )
 from mbd_sim.simulation.contact.compiled.features.round.normals import (
     CORNER_CORNER,
@@ -78,13 +82,22 @@ def decode(number: int, key: Integers) -> None:
     key[SIGN] = 2 * (rest % 2) - 1 if key[KIND] == SIDE_SIDE or is_crossing(key[KIND]) else 0
 
 
-def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
-    """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`."""
+def write_slot(
+    p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, limit: float, slot: Array
+) -> None:  # fmt: skip
+    """The numbers of a slot: see `mbd_sim.dynamics.contact.smooth_rows`.
+
+    :param limit: features with lower gaps are within each other by more than round-off.
+    """
     kind, own, mode = key[KIND], zeros(3), ITERATED
     if is_crossing(kind) and has_direction(p, a, b, key):  # its row is that of any side and corner
         kind = SIDE_CORNER if kind in (SIDE_CORNER, EDGE_RIM) else CORNER_SIDE
     for k in range(SMOOTH_SIZE):
         slot[k] = 0.0
+    write_bend(p, a, b, key, kind, slot)
+    if is_crossing(kind) and meeting[GAP] < limit and lies_flat(a, b, key):  # its row is that of a point of the edge
+        kind = POINT_FACE if kind == EDGE_RIM else FACE_POINT
+        write_chord(a, b, key, slot)
     is_side, is_face = kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), kind in (FACE_CORNER, FACE_POINT, RIM_EDGE)
     write_body(a, 0, key[FIRST], is_side, is_face, kind, meeting, slot)
     is_side, is_face = kind in (SIDE_SIDE, CORNER_SIDE, RIM_EDGE), kind in (CORNER_FACE, POINT_FACE, EDGE_RIM)
@@ -105,7 +118,7 @@ def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, me
     if mode == TWO_SIDES:
         place_back(b.pose, meeting[POINT:], slot[22:])
     if mode == FIXED_FIRST:
-        turn_back(a.pose, meeting[NORMAL:], slot[22:])
+        turn_back(a.pose, meeting[TOWARD:], slot[22:])
     if is_crossing(kind):
         slot[30] = 1.0
         write_chord(a, b, key, slot)
@@ -115,9 +128,9 @@ def write_slot(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, me
         copy(a.hull.normals[3 * key[FIRST] :], slot[22:])
     if is_rim_on_face(a, b, key):
         write_arm(a, b, key, meeting[POINT:], slot)
-    write_bend(p, a, b, key, kind, slot)
     if can_bend(slot):
         write_lean(a, b, slot)
+        write_height(a, b, key, meeting, limit, slot)
     slot[SMOOTH_SIZE - 1] = encoded(key)
 
 
@@ -184,8 +197,26 @@ def can_bend(numbers: Array) -> bool:
 
 def write_height(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, limit: float, slot: Array) -> None:
     """Write the height at which a feature is found beneath an end that can be bent, if it is lower than a limit."""
-    if can_bend(slot) and meeting[GAP] < limit:
+    if meeting[GAP] < limit and is_crossing(key[KIND]) and slot[30] == 0.0:
+        slot[FOUND_AT] = height_above(a, b, key, meeting[POINT:])
+    elif meeting[GAP] < limit:
         slot[FOUND_AT] = height_of(a, b, key, meeting)
+
+
+def is_beneath(p: RoundBodies, a: PlacedRound, b: PlacedRound, key: Integers, numbers: Array) -> bool:
+    """Whether the row of a crossing is that of a point of the edge, which was found within the end."""
+    return is_crossing(key[KIND]) and numbers[30] == 0.0 and not has_direction(p, a, b, key)
+
+
+def room_beside(a: PlacedRound, b: PlacedRound, key: Integers, point: Array, numbers: Array) -> float:
+    """How far in m a crossing may still run along the edge from the point that was found there."""
+    own, at = zeros(3), zeros(3)
+    if key[KIND] == EDGE_RIM:
+        add(numbers, 1.0, a.hull.at, own)
+    else:
+        add(numbers[3:], 1.0, b.hull.at, own)
+    point_on_edge(a, b, key, own, at)
+    return CHANGED * numbers[chord_at(key)] - distance_of(point, at)
 
 
 def write_lean(a: PlacedRound, b: PlacedRound, slot: Array) -> None:

@@ -66,14 +66,15 @@ from mbd_sim.simulation.contact.compiled.features.round.slots import (
     chord_at,
     decode,
     has_direction,
+    is_beneath,
     is_iterated,
     is_rim_on_face,
     lean_left,
     room_along,
+    room_beside,
     stored_arm,
     write_arm,
     write_chord,
-    write_height,
     write_lean,
     write_slot,
 )
@@ -111,7 +112,7 @@ def smooth_touching(p: RoundBodies, one: Array, other: Array, tolerance: float, 
         key_at(p, simple + k, key)
         iterate(p, a, b, key, normals[3 * k :], directions[3 * k :])
         apart = max(apart, support(p, a, b, normals[3 * k :]))
-    bottom = min(with_flat_rims(p, a, b, Before(a, b, False), apart), 0.0) - SUPPORT * tolerance
+    bottom = min(with_flat_rims(p, a, b, Before(a, b, False, 0.0, zeros(0)), apart), 0.0) - SUPPORT * tolerance
     for index in range(simple + p.count):
         key_at(p, index, key)
         if index == simple:
@@ -235,8 +236,7 @@ def consider(
         if distance_of(meeting[POINT:], points[3 * k :]) <= p.near:
             return
     copy(meeting[POINT:], points[3 * count[0] :])
-    write_slot(p, a, b, key, meeting, slots[SMOOTH_SIZE * count[0] :])
-    write_height(a, b, key, meeting, -WITHIN * top, slots[SMOOTH_SIZE * count[0] :])
+    write_slot(p, a, b, key, meeting, -WITHIN * top, slots[SMOOTH_SIZE * count[0] :])
     count[0] += 1
 
 
@@ -273,6 +273,8 @@ def smooth_margin(p: RoundBodies, one: Array, other: Array, numbers: Array, spot
         turn(b.pose, numbers[22:], stored)
         margin = min(margin, meeting[FREE] - distance_of(meeting[TOWARD:], stored))
         margin = min(margin, level(p, a, b, key, normal, meeting[TOWARD:], LEVEL, LEAST_ITERABLE))
+    elif is_beneath(p, a, b, key, numbers):
+        margin = min(margin, room_beside(a, b, key, meeting[POINT:], numbers))
     elif is_crossing(key[KIND]):
         half = numbers[chord_at(key)]
         margin = min(margin, CHANGED * half - abs(half_of_chord(a, b, key) - half))
@@ -311,7 +313,7 @@ def smooth_renew(p: RoundBodies, one: Array, other: Array, numbers: Array) -> No
         else:
             stored_normal(a, b, key, numbers, normal)
         turn_back(b.pose, normal, numbers[22:])
-    elif is_crossing(key[KIND]):
+    elif is_crossing(key[KIND]) and not is_beneath(p, a, b, key, numbers):
         write_chord(a, b, key, numbers)
     elif is_rim_on_face(a, b, key):
         simple_normal(a, b, key, normal)

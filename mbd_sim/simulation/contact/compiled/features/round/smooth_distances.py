@@ -56,10 +56,12 @@ def smooth_distance(p: RoundBodies, one: Array, other: Array) -> float:
     )
     put_round(a, one, other)
     put_round(b, other, other)
-    return with_flat_rims(p, a, b, Before(a, b, False), apart_without(p, a, b))
+    return with_flat_rims(p, a, b, Before(a, b, False, 0.0, zeros(0)), apart_without(p, a, b))
 
 
-def smooth_beyond(p: RoundBodies, one_before: Array, other_before: Array, one: Array, other: Array) -> float:
+def smooth_beyond(
+    p: RoundBodies, one_before: Array, other_before: Array, one: Array, other: Array, limit: float, held: Array
+) -> float:  # fmt: skip
     """See `BEYOND` in `pairs`."""
     a = PlacedRound(p.first, zeros(12), zeros(3 * p.first.count), zeros(3 * p.first.sides), zeros(3 * p.first.faces))
     b = PlacedRound(
@@ -73,7 +75,7 @@ def smooth_beyond(p: RoundBodies, one_before: Array, other_before: Array, one: A
     put_round(b, other, other)
     put_round(c, one_before, other_before)
     put_round(d, other_before, other_before)
-    before = Before(c, d, True)
+    before = Before(c, d, True, limit, held)
     return with_flat_rims(p, a, b, before, apart_without(p, a, b) - min(apart_without(p, c, d), 0.0))
 
 
