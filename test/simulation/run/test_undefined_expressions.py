@@ -102,10 +102,10 @@ def test_an_ensemble_names_what_a_simulation_of_its_member_names(method):
     ensemble = Ensemble(parse_mechanism(text), [{}, {"parts.bead.mass": 2}, {}], method=method)
     ensemble.step(100)
     ensemble.require_alive()
-    ensemble.step(5000)
+    ensemble.step(2000)
     single = Simulation.from_text(text, method=method)
     single.step(100)
-    expected = failure(single, 5000)
+    expected = failure(single, 2000)
     assert ":11: constraints.wire.equation: the expression has no finite value" in expected
     head = "3 of 3 members reached an infinite state, the first is member 0. "
     assert member_failure(ensemble) == head + expected
