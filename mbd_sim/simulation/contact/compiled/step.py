@@ -37,6 +37,7 @@ from mbd_sim.simulation.contact.compiled.touching import end_step, renew
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step
 MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
+FEW_AT_ONCE, AT_ONCE = 4, 1e-9  # the same in a step with many events, and how long an instant is there, of the step
 BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
 DENSE = 20  # events in one step, beyond which the next one is sought near first, and contacts come to rest sooner
 SOONER = 1.2  # times the speed at which they do, with each further event
@@ -160,11 +161,12 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
         length = found[0]
         longest = math.inf if status == EVENT else found[2]
         is_last = length >= end - t
+        passes = length > (AT_ONCE * (end - start) if instants > DENSE else 0.0)
         t = end if is_last else t + length
         passed += length
         near *= LONGER
         creeping += 1 if found[1] > 0.0 else 0
-        if length > 0.0 and (status == EVENT or creeping > CREEPING or is_ignored):
+        if passes and (status == EVENT or creeping > CREEPING or is_ignored):
             count = 0
             clear(c.gaps, opening)
             clear(c.frictions, yielding)
@@ -184,10 +186,10 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
                 return HARD if result == NOT_SIMPLE else UNSOLVED
             if creeps and result == SAME:
                 creeping = -MOST_STAGES  # a slip that counts as zero goes on
-            is_ignored = (count > 1 and result == SAME) or count > MOST_AT_ONCE
+            is_ignored = (count > 1 and result == SAME) or count > (FEW_AT_ONCE if instants > DENSE else MOST_AT_ONCE)
             if not is_ignored:
                 clear(c.guards, ignored)
-        elif length > 0.0:
+        elif passes:
             if is_ignored:
                 brief = LONGER * brief
             is_ignored = False
