@@ -175,7 +175,7 @@ def largest_factor(loss: Callable[[float], float], last: float, enough: float) -
 def _slow_at_rest(
     model: OneSidedModel, readings: OneSidedReadings, matrix: Array, gaps: list[int], friction: list[int], rest: Array
 ) -> tuple[Array, float] | None:
-    """As `_resting`, of these gaps with the slow rows of their friction, or those of them that are independent, or none."""
+    """As `_resting`, of these gaps with the slow rows of their friction, or the independent ones of them, or none."""
     slip = [row for row in friction if abs(readings.rates[row]) <= rest[row]]
     apart = frozenset(independent(matrix, [*gaps, *slip]))
     chosen = ([*gaps, *slip], [*gaps, *(row for row in slip if row in apart)], gaps)
