@@ -95,11 +95,10 @@ class ContactProblem:
         return total
 
 
-def contact_forces(problem: ContactProblem, *, settled: bool = True, patient: bool = True) -> Array:
+def contact_forces(problem: ContactProblem, *, settled: bool = True) -> Array:
     """λ (n,) that satisfies all conditions; of several the elastic ones.
 
     :param settled: False: of those that are shared about 1e-6 may lack to the least sum of squares.
-    :param patient: False: not if supports have to become rigid step by step, which can take seconds.
     :raises NoSolutionError: there is none, or none was found.
     """
     unique = np.zeros(len(problem.free))
@@ -108,8 +107,7 @@ def contact_forces(problem: ContactProblem, *, settled: bool = True, patient: bo
     if not settled and called("unique_forces", problem.packed, unique):
         return unique
     for rows in (islands := _islands(problem)):
-        own = problem if len(islands) == 1 else _island(problem, rows)
-        unique[rows] = _forces_together(own, settled=settled, patient=patient)
+        unique[rows] = _forces_together(problem if len(islands) == 1 else _island(problem, rows), settled=settled)
     return unique
 
 
@@ -134,7 +132,7 @@ def _island(problem: ContactProblem, rows: Sequence[int]) -> ContactProblem:
     return ContactProblem(problem.matrix[rows][:, rows], problem.free[list(rows)], normals, frictions, compliance)
 
 
-def _forces_together(problem: ContactProblem, *, settled: bool, patient: bool) -> Array:
+def _forces_together(problem: ContactProblem, *, settled: bool) -> Array:
     """See `contact_forces`; of an island."""
     n = len(problem.free)
     unique = np.zeros(n)
@@ -143,15 +141,15 @@ def _forces_together(problem: ContactProblem, *, settled: bool, patient: bool) -
     scaled, scale = _scaled(problem)
     rigid, start = _quick(scaled)
     if max(len(problem.normals), len(problem.frictions)) < 2 or len(pivots(scaled.matrix)) == n:
-        return _solution(scaled, rigid, start, patient) * scale
+        return _solution(scaled, rigid, start) * scale
     elastic = _elastic(scaled)
     if elastic is None:
-        elastic = _solution(scaled, rigid, start, patient)
+        elastic = _solution(scaled, rigid, start)
     for forces in [_shared(scaled, elastic), elastic] if settled else [elastic]:
         if _natural(scaled, forces) <= ACCURATE:
             return _newton(scaled, forces)[0] * scale
     polished, residual = _newton(scaled, elastic)
-    return (polished if residual <= ACCURATE else _solution(scaled, rigid, start, patient)) * scale
+    return (polished if residual <= ACCURATE else _solution(scaled, rigid, start)) * scale
 
 
 def _shared(problem: ContactProblem, forces: Array) -> Array:
@@ -164,17 +162,12 @@ def _shared(problem: ContactProblem, forces: Array) -> Array:
 def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:
     """λ (n,) that satisfies all conditions, and 0; else the nearest that is found, and its relative residual."""
     try:
-        return contact_forces(problem, settled=False, patient=False), 0.0
+        return contact_forces(problem, settled=False), 0.0
     except NoSolutionError:
         scaled, scale = _scaled(problem)
         swept = np.zeros(len(problem.free))
         called("sweep", scaled.packed, swept)
         polished, residual = _newton(scaled, swept)
-    if residual <= ACCURATE:
-        return polished * scale, 0.0
-    try:
-        return contact_forces(problem, settled=False), 0.0
-    except NoSolutionError:
         return polished * scale, residual
 
 
@@ -235,13 +228,13 @@ def _with_fast_rates(problem: ContactProblem, start: Array, softness: float) -> 
     return None
 
 
-def _solution(problem: ContactProblem, found: Array | None, start: Array | None, patient: bool) -> Array:
+def _solution(problem: ContactProblem, found: Array | None, start: Array | None) -> Array:
     """The solution that `_quick` has `found`, or else the one that those of elastic supports approach."""
     if found is not None:
         return found
     if start is None and all(len(friction.rows) == 1 for friction in problem.frictions):
         raise NoSolutionError("no forces satisfy the conditions of all contacts")  # Lemke's method decides that
-    if not patient or (continued := _continued(problem)) is None:
+    if (continued := _continued(problem)) is None:
         raise NoSolutionError("no forces satisfy the conditions of all contacts")
     return continued
 
