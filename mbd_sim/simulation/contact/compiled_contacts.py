@@ -102,6 +102,8 @@ class CompiledContacts:
             first_mode=model.span.start,
             modes=layout.size,
             first_feature=layout.features.start,
+            first_pooled=layout.gaps - layout.pooled,
+            first_holder=layout.holders.start,
             first_speed=coordinates.nq,
             speeds=coordinates.nv,
             first_loss=first_loss,
@@ -243,8 +245,12 @@ class CompiledContacts:
             elif change == step.BOUND:
                 found.append(ContactEvent(time, "contacts", CHANGES[change]))
             else:
+                pair, element = divmod(int(index), step.OF_PAIR)
                 is_friction = change in (step.STICKS, step.SLIDES)
-                name = model.friction_name(int(index)) if is_friction else model.names[int(index)]
+                gap = model.frictions[element][1] if is_friction else element
+                name = model.friction_name(element) if is_friction else model.names[element]
+                if pair and gap is not None:
+                    name = model.name_of_pair(gap, pair - 1)
                 found.append(ContactEvent(time, name, CHANGES[change], *numbers))
         return found
 

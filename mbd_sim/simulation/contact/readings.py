@@ -62,8 +62,10 @@ class ContactReadings:
 
     def places(self, time: float, y: Array, inputs: Array) -> Array:
         """(n, 3, 3): the points in m of the `placed` contacts, their forces in N, and normals, in ground's frame."""
-        out = np.empty((self._placed, 3, 3))
-        if self._placed:
+        out, pooled = np.empty((self._placed, 3, 3)), 0
+        if self._one_sided is not None and (pooled := self._one_sided.layout.pooled):
+            out[self._placed - pooled :] = self._one_sided.places_of_pools(time, y, inputs)
+        if self._placed > pooled:
             self._read_places(time, y, inputs, out)
         if self._compliances is None:
             return out

@@ -15,6 +15,8 @@ from mbd_sim.simulation.contact.compiled.features.polytopes import WITHIN
 from mbd_sim.simulation.contact.compiled.features.vectors import dot, place, size_of, subtract
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 
+NO_GAP = -1
+LACKING = External("None", ())
 DISTANCE = External("float", ("int", "Array", "Array"))
 BEYOND = External("float", ("int", "Array", "Array", "Array", "Array", "float", "Array"))
 MARGIN = External("float", ("int", "Array", "Array", "Array", "Array"))
@@ -40,8 +42,12 @@ class FeaturePair:
     which are given `data` first; for the second one, which only some have, see `beyond_gaps`, and for `iterates` and
     `found_at` see `NarrowPhase`. `first` and `second` are the rows of the poses of their parts; the spheres around them
     have `centers` (6,) and `radii` (2,). Nothing moves along axes of which `axes` (3,) is 0. Slot k is the gap `gaps`
-    k; it has `size` numbers among the inputs, from `numbers` + k `size` on. The latest distance is remembered in
-    `memory` (`MEMORY`,).
+    k; it has `size` numbers among the inputs. Those of the gap `first_gap` are from `numbers` on, and those of the gaps
+    that follow it after them. The latest distance is remembered in `memory` (`MEMORY`,).
+
+    Pair `number` of those that share a pool of `shared` gaps has a gap where one of its slots is in use, and otherwise
+    `NO_GAP`: see `hold`. The numbers of the pairs that have the gaps are the inputs from `holders` on. Without a pool
+    `shared` is 0. `lacking` is the address of a function that is called where all of them are in use.
     """
 
     distance: int
@@ -59,8 +65,13 @@ class FeaturePair:
     axes: Array
     slots: int
     gaps: Integers
+    first_gap: int
     numbers: int
     size: int
+    number: int
+    shared: int
+    holders: int
+    lacking: int
     memory: Array
 
 
@@ -81,9 +92,48 @@ def put(pair: FeaturePair, places: Array, one: Array, other: Array) -> None:
         one[i], other[i] = first[i], second[i]
 
 
+def hold(c: Contacts, inputs: Array) -> None:
+    """Give the pairs that share slots the gaps that they have among some inputs."""
+    for index in range(c.body_pairs if c.first_pooled < c.gaps else 0):
+        pair = pair_at(c, index)
+        for slot in range(pair.slots if pair.shared > 0 else 0):
+            pair.gaps[slot] = NO_GAP
+    for index in range(c.body_pairs if c.first_pooled < c.gaps else 0):
+        pair = pair_at(c, index)
+        for position in range(pair.shared if pair.number == 0 else 0):
+            if inputs[pair.numbers + pair.size * (position + 1) - 1] != 0.0:
+                give(pair_at(c, index + int(inputs[pair.holders + position])), pair.first_gap + position)
+
+
+def give(pair: FeaturePair, gap: int) -> None:
+    """Let a slot of a pair that is not in use have a gap."""
+    for slot in range(pair.slots):
+        if pair.gaps[slot] == NO_GAP:
+            pair.gaps[slot] = gap
+            return
+
+
+def take(pair: FeaturePair, slot: int, inputs: Array) -> bool:
+    """Whether a slot has a gap, the first one of its pool that is not in use if it had none."""
+    for position in range(pair.shared if pair.gaps[slot] == NO_GAP else 0):
+        if inputs[pair.numbers + pair.size * (position + 1) - 1] == 0.0:
+            pair.gaps[slot] = pair.first_gap + position
+            inputs[pair.holders + position] = pair.number
+            return True
+    if pair.gaps[slot] == NO_GAP:
+        LACKING(pair.lacking)
+        return False
+    return True
+
+
+def numbers_at(pair: FeaturePair, slot: int) -> int:
+    """Where the numbers of a slot with a gap are among the inputs."""
+    return pair.numbers + pair.size * (pair.gaps[slot] - pair.first_gap)
+
+
 def is_closed(c: Contacts, pair: FeaturePair, inputs: Array, slot: int) -> bool:
     """Whether a slot is closed."""
-    return inputs[c.first_mode + pair.gaps[slot]] != 0.0
+    return pair.gaps[slot] != NO_GAP and inputs[c.first_mode + pair.gaps[slot]] != 0.0
 
 
 def any_closed(c: Contacts, pair: FeaturePair, inputs: Array) -> bool:
@@ -109,7 +159,7 @@ def beyond_gaps(c: Contacts, pair: FeaturePair, inputs: Array, before: Array, pl
     for slot in range(pair.slots):
         if is_closed(c, pair, inputs, slot):
             lowest = min(lowest, readings[1 + pair.gaps[slot]])
-            at = pair.numbers + pair.size * slot
+            at = numbers_at(pair, slot)
             if pair.found_at >= 0 and inputs[at + pair.found_at] < 0.0:
                 held[slot] = inputs[at + pair.size - 1]
     if distance < limit and pair.beyond != 0 and distance_at(pair, before) < limit:

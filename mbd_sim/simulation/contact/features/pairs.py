@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
 from mbd_sim.base.short_repr import short_repr
+from mbd_sim.compiler.ir.python_kinds import address_of, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
 from mbd_sim.mechanism.elements.contacts import (
@@ -28,7 +31,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Solid,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
-from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, FeaturePair
+from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, NO_GAP, FeaturePair
 from mbd_sim.simulation.contact.features.barrels import BarrelPair
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, SlotFeatures, functions_of
@@ -61,7 +64,8 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
 class SlottedPair:
     """Two bodies, and where their slots are: their `gaps`, and the first of their `numbers` among the inputs.
 
-    `parts` are the rows of the poses of both. A slot has `size` numbers.
+    `parts` are the rows of the poses of both. A slot has `size` numbers. Pair `number` of a pool has some of its gaps;
+    the numbers of the pairs that have them are among the inputs from `holders` on.
     """
 
     contact: Contact
@@ -70,6 +74,13 @@ class SlottedPair:
     numbers: int
     size: int
     parts: tuple[int, int]
+    number: int = 0
+    holders: int | None = None
+
+    @property
+    def slots(self) -> int:
+        """How many of the gaps it can have."""
+        return len(self.gaps) if self.holders is None else self.contact.slots
 
     def poses(self, poses: Array) -> tuple[Pose, Pose]:
         """The poses of both parts, from those of all; of pairs in a plane, in this plane."""
@@ -77,33 +88,39 @@ class SlottedPair:
         one, other = (Pose(row[:3] * across, row[3:].reshape(3, 3).T) for row in (poses[part] for part in self.parts))
         return one, other
 
-    def compiled(self, failures: list[BaseException]) -> tuple[FeaturePair, PhaseFunctions]:
+    def compiled(self, failures: list[BaseException], lacking: int) -> tuple[FeaturePair, PhaseFunctions]:
         """The record for compiled code, with its own memory, and the functions that must live as long.
 
         :param failures: receives what functions in Python raise.
+        :param lacking: the address of what is called where a pool has too few slots.
         """
-        functions, memory = functions_of(self.phase, len(self.gaps), self.size, failures), np.zeros(MEMORY)
+        functions, memory = functions_of(self.phase, self.slots, self.size, failures), np.zeros(MEMORY)
         memory[KNOWN] = -np.inf
         one, other = self.phase.bounds
         record = FeaturePair(
-            functions.distance,
-            functions.beyond,
-            functions.margin,
-            functions.touching,
-            functions.renew,
-            functions.data,
-            self.phase.iterates,
-            self.phase.found_at,
-            self.parts[0],
-            self.parts[1],
-            np.concatenate([one.center, other.center]),
-            np.array([one.radius, other.radius]),
-            _across(self.contact.still),
-            len(self.gaps),
-            np.array(self.gaps, dtype=np.int64),
-            self.numbers,
-            self.size,
-            memory,
+            distance=functions.distance,
+            beyond=functions.beyond,
+            margin=functions.margin,
+            touching=functions.touching,
+            renew=functions.renew,
+            data=functions.data,
+            iterates=self.phase.iterates,
+            found_at=self.phase.found_at,
+            first=self.parts[0],
+            second=self.parts[1],
+            centers=np.concatenate([one.center, other.center]),
+            radii=np.array([one.radius, other.radius]),
+            axes=_across(self.contact.still),
+            slots=self.slots,
+            gaps=np.array(self.gaps if self.holders is None else [NO_GAP] * self.slots, dtype=np.int64),
+            first_gap=self.gaps[0],
+            numbers=self.numbers,
+            size=self.size,
+            number=self.number,
+            shared=0 if self.holders is None else len(self.gaps),
+            holders=self.holders or 0,
+            lacking=lacking,
+            memory=memory,
         )
         return record, functions
 
@@ -131,19 +148,35 @@ class FeaturePairs:
             assert contact is not None
             slots.setdefault(contact, []).append(gap)
         self.pairs: list[SlottedPair] = []
-        first = features
+        self.pools: dict[int, SlottedPair] = {}  # the first pair of each, by its first gap
+        first, holders = features, features + one_sided.layout.feature_count
         for contact, gaps in slots.items():
-            known = one_sided.gaps[gaps[0]].numbers
+            known, pool = one_sided.gaps[gaps[0]].numbers, one_sided.gaps[gaps[0]].pool
             assert known is not None
             size = known.shape[0]  # of a slot, the last of whose numbers is its key
-            parts = rows[contact.first.at.part], rows[contact.second.at.part]
-            self.pairs.append(SlottedPair(contact, narrow_phase(contact), tuple(gaps), first, size, parts))
+            for number, each in enumerate([contact] if pool is None else pool.pairs):
+                phase, at = narrow_phase(each), None if pool is None else holders
+                parts = rows[each.first.at.part], rows[each.second.at.part]
+                self.pairs.append(SlottedPair(each, phase, tuple(gaps), first, size, parts, number, at))
+            if pool is not None:
+                self.pools[gaps[0]] = self.pairs[-len(pool.pairs)]
+                holders += len(gaps)
             first += size * len(gaps)
-        self._features = slice(features, first)
+        self._features, self._holders = slice(features, first), slice(first, holders)
 
     def compiled(self, failures: list[BaseException]) -> list[tuple[FeaturePair, PhaseFunctions]]:
         """See `SlottedPair.compiled`."""
-        return [pair.compiled(failures) for pair in self.pairs]
+        lacking = {at: prototype("None", ())(partial(self._lack, at, failures)) for at in self.pools}
+        addresses = {at: address_of(function) for at, function in lacking.items()}
+        found = [pair.compiled(failures, addresses.get(pair.gaps[0], 0)) for pair in self.pairs]
+        return [(record, replace(functions, alive=(functions.alive, lacking))) for record, functions in found]
+
+    def _lack(self, pool: int, failures: list[BaseException]) -> None:
+        failures.append(self._lacking(self.pools[pool]))
+
+    def _lacking(self, pair: SlottedPair) -> MbdSimError:
+        message = f"contacts '{pair.contact.name}': more than {len(pair.gaps)} points touch at once"
+        return MbdSimError(f"{message}. Divide the bodies among several entries.")
 
     def _poses(self, time: float, y: Array, inputs: Array) -> Array:
         """The poses (parts + 1, 12) of all parts and of ground."""
@@ -159,6 +192,7 @@ class FeaturePairs:
         Those at the first state come first; nothing is kept of what the slots have been.
         """
         inputs[self._features] = 0.0
+        inputs[self._holders] = 0.0
         found: dict[int, dict[int, SlotFeatures]] = {}
         for time, y in states:
             poses = self._poses(time, y, inputs)
@@ -166,19 +200,30 @@ class FeaturePairs:
                 both = pair.poses(poses)
                 for each in pair.phase.touching(*both, tolerance) if _are_near(pair, both, tolerance) else ():
                     found.setdefault(index, {}).setdefault(each.key, each)
+        used = dict.fromkeys(self.pools, 0)
         for index, features in found.items():
             pair = self.pairs[index]
-            for slot, each in zip(range(len(pair.gaps)), features.values(), strict=False):
-                first = pair.numbers + slot * pair.size
+            for slot, each in zip(range(pair.slots), features.values(), strict=False):
+                place = slot
+                if pair.holders is not None:
+                    place = used[pair.gaps[0]]
+                    if place == len(pair.gaps):
+                        raise self._lacking(pair)
+                    used[pair.gaps[0]] += 1
+                    inputs[pair.holders + place] = pair.number
+                first = pair.numbers + place * pair.size
                 inputs[first : first + pair.size] = each.numbers
                 if pair.phase.found_at >= 0:
                     inputs[first + pair.phase.found_at] = 0.0
 
     def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
-        """The distance of the two bodies in m, by the index of each of their gaps."""
+        """The distance of the two bodies in m, by the index of each of their gaps; infinite for those of pools."""
         poses = self._poses(time, y, inputs)
-        found = ((pair, pair.phase.distance(*pair.poses(poses))) for pair in self.pairs)
-        return {gap: distance for pair, distance in found for gap in pair.gaps}
+        own = (pair for pair in self.pairs if pair.holders is None)
+        found = {
+            gap: distance for pair in own for distance in [pair.phase.distance(*pair.poses(poses))] for gap in pair.gaps
+        }
+        return found | {gap: math.inf for pair in self.pools.values() for gap in pair.gaps}
 
     def are_moved(self, time: float, y: Array, inputs: Array, others: Array) -> bool:
         """Whether parts are elsewhere with other inputs at the same state: live values may move the ends of joints."""

@@ -54,10 +54,11 @@ class Contacts:
     `kept_inputs` on, if that is not 0. The `held_count` numbers `held` of a state change between
     steps only. Slip below the speed `slow` has the stored direction. States have `size` numbers, the speeds are those
     from `first_speed` on, and the losses follow `first_loss`. The modes are the inputs from `first_mode` on, and those
-    from their number `first_feature` on are the features of slots. Friction element k has the rows 2 k and 2 k + 1 of
-    `friction_rows`, the second of which is -1 along one direction, and the gap `friction_gaps` k or -1; along two
-    directions it is number `pair_places` k of the `pairs`. If it depends on one of the `loaded` joints, that is number
-    `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components` j numbers
+    from their number `first_feature` on are the features of slots. The gaps from `first_pooled` on are those of pools,
+    and the modes from `first_holder` on the numbers of the pairs that have them. Friction element k has the rows 2 k
+    and 2 k + 1 of `friction_rows`, the second of which is -1 along one direction, and the gap `friction_gaps` k or -1;
+    along two directions it is number `pair_places` k of the `pairs`. If it depends on one of the `loaded` joints, that
+    is number `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components` j numbers
     without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j on. The
     `singles` have one component and a guard each, after all others. `radau` are the nodes of collocation, after 0, and
     its coefficients row by row.
@@ -104,6 +105,8 @@ class Contacts:
     first_mode: int
     modes: int
     first_feature: int
+    first_pooled: int
+    first_holder: int
     first_speed: int
     speeds: int
     first_loss: int
