@@ -234,11 +234,11 @@ class OneSidedModel:
             how, forces, slip = state(friction[gap]) if gap in friction else ("closed", np.zeros(0), np.zeros(0))
             how = how if modes[gap] else "open"
             is_open_slot = gap in apart and not modes[gap]
-            place = [None] * 3 if is_open_slot else placed.get(gap, [None] * 3)
+            point, force, direction = (None,) * 3 if is_open_slot else placed.get(gap, (None,) * 3)
             bodies = None if is_open_slot or gap < first_pooled else self._pair(gap, self._holder(modes, gap)).names
             size = apart[gap] if is_open_slot else read.gaps[gap]
             found[name] = ContactState(
-                how, size, read.rates[gap], read.forces[gap], forces, slip, *place, bodies=bodies
+                how, size, read.rates[gap], read.forces[gap], forces, slip, point, force, direction, bodies
             )
         for index, (rows, load) in enumerate(self.frictions):
             if load is None:

@@ -58,10 +58,10 @@ class Contacts:
     and the modes from `first_holder` on the numbers of the pairs that have them. Friction element k has the rows 2 k
     and 2 k + 1 of `friction_rows`, the second of which is -1 along one direction, and the gap `friction_gaps` k or -1;
     along two directions it is number `pair_places` k of the `pairs`. If it depends on one of the `loaded` joints, that
-    is number `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components` j numbers
-    without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j on. The
-    `singles` have one component and a guard each, after all others. `radau` are the nodes of collocation, after 0, and
-    its coefficients row by row.
+    is number `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components`
+    j numbers without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j
+    on. The `singles` have one component and a guard each, after all others. `radau` are the nodes of collocation, after
+    0, and its coefficients row by row.
     """
 
     simple: bool
