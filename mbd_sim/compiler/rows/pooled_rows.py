@@ -88,7 +88,7 @@ def fill(
     slots: int, k: int, inputs: Array, size: int, holders: Array, pairs: Integers, ground: int, values: Array,
     stride: int, left: Array, blocks: Integers,
 ) -> None:  # fmt: skip
-    """The coefficients of the slots of a pool, with k rows each, and their parts.
+    """The coefficients of the slots of a pool that are in use, with k rows each, and the parts of all.
 
     :param inputs: those from the numbers of the first slot on, and `holders` those from its pair on.
     :param values: those from the first slot on.
@@ -98,17 +98,24 @@ def fill(
         if inputs[size * (slot + 1) - 1] != 0.0:
             pair = int(holders[slot])
             blocks[2 * slot], blocks[2 * slot + 1] = pairs[2 * pair], pairs[2 * pair + 1]
-        for i in range(12 * k):
-            left[12 * k * slot + i] = values[stride * slot + 1 + 2 * k + i]
+            for i in range(12 * k):
+                left[12 * k * slot + i] = values[stride * slot + 1 + 2 * k + i]
 
 
-def combine(slots: int, k: int, friction: Array, left: Array, right: Array) -> None:
+def is_used(blocks: Integers, ground: int, slot: int) -> bool:
+    """Whether a slot is in use: one of its parts moves."""
+    return blocks[2 * slot] < ground or blocks[2 * slot + 1] < ground
+
+
+def combine(
+    slots: int, k: int, ground: int, blocks: Integers, friction: Array, left: Array, right: Array
+) -> None:  # fmt: skip
     """Right coefficients from left ones: each row with the friction that follows its force.
 
     :param friction: (k, k) of each slot, column by column.
     """
     for slot in range(slots):
-        for j in range(k):
+        for j in range(k if is_used(blocks, ground, slot) else 0):
             for i in range(12):
                 total = 0.0
                 for row in range(k):
@@ -198,10 +205,11 @@ class PooledCalls:
         """Emit the right coefficients with friction."""
         b, called, at = self._b, emit_function(self._b.module, combine), 0
         self.coefficients = replace(self.coefficients, right=self._combined)
-        for _, slots, _, row in self._pools():
+        for _, slots, first, row in self._pools():
             k = len(slots[0])
             left, right = (element(b, each, 12 * row) for each in (self.coefficients.left, self.coefficients.right))
-            b.call(called, [integer(len(slots)), integer(k), element(b, friction, at), left, right])
+            shape = integer(len(slots)), integer(k), self._ground
+            b.call(called, [*shape, self._blocks(first), element(b, friction, at), left, right])
             at += k * k * len(slots)
 
     def gather(self, parts: Value, sign: float, out: Value) -> None:

@@ -202,7 +202,7 @@ def emit_product(
     With `pooled` rows their left and right coefficients follow, and the blocks of their slots.
 
     Of the matrix (rows, rows) those entries are computed whose row and column are active, closed or have a given force;
-    without `active` all of them. The `mobility` (rows,) is the diagonal without friction, for rows of friction that
+    without `active` all of them, but for slots of pools that are not in use. The `mobility` (rows,) is the diagonal without friction, for rows of friction that
     slide: those with a direction, whose number follows those of the active rows.
     """
     if (known := module.functions.get(name)) is not None:
@@ -219,7 +219,7 @@ def emit_product(
     own, other, part = (local_array(b, max(count, 1)) for count in (size, size, max(by_left.most, by_right.most)))
     total = local_array(b, n)
     by_row, by_column = (element(b, each, factors[0].starts[-1]) for each in (left, right))
-    chosen, count = _chosen(b, n, inputs, active)
+    chosen, count = _chosen(b, n, inputs, active, partial(_is_needed, b, by_left))
     entries = _SparseRows(b, n, size) if n >= MANY else _DenseRows(b, n, size, count)
 
     def gather(i: Value) -> None:
@@ -272,13 +272,31 @@ def _is_set(b: IRBuilder, inputs: Value, first: int, index: Value) -> Value:
     return b.fcmp_unordered("!=", load(b, inputs, b.add(index, integer(first))), number(0.0))
 
 
-def _chosen(b: IRBuilder, n: int, inputs: Value, active: ActiveRows | None) -> tuple[Callable[[Value], Value], Value]:
-    """The rows that are needed, see `emit_product`, and their number."""
+def _is_needed(b: IRBuilder, tables: _Tables, row: Value) -> Value:
+    """Whether a row is not that of a slot of a pool that is not in use."""
+    if tables.of_pools is None:
+        return TRUE
+    (in_pools, _, blocks), two = tables.of_pools, b.mul(row, integer(2))
+    slot = b.add(two, integer(1))
+    first = b.mul(_entry(b, in_pools, slot), integer(2))
+    is_own = b.icmp_signed("<", first, integer(0))
+    place = b.select(is_own, integer(0), first)
+    moves = [b.icmp_signed("<", _entry(b, blocks, b.add(place, integer(end))), integer(tables.parts)) for end in (0, 1)]
+    return b.or_(is_own, b.or_(*moves))
+
+
+def _chosen(
+    b: IRBuilder, n: int, inputs: Value, active: ActiveRows | None, is_needed: Callable[[Value], Value]
+) -> tuple[Callable[[Value], Value], Value]:
+    """The rows that are needed, see `emit_product`, and their number.
+
+    :param is_needed: of those without masks.
+    """
     chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
     b.store(integer(0), count)
 
     def choose(i: Value, masks: tuple[int, ...]) -> None:
-        found, needed = b.load(count, typ=INT), FALSE if masks else TRUE
+        found, needed = b.load(count, typ=INT), FALSE if masks else is_needed(i)
         b.store(i, b.gep(chosen, found, INT))
         for first in masks:
             needed = b.or_(needed, _is_set(b, inputs, first, i))

@@ -305,7 +305,7 @@ class OneSidedModel:
         return self._read("restitution", self.layout.gaps, inputs)
 
     def _read(self, name: str, size: int, *arguments: Array) -> Array:
-        out = np.empty(size)
+        out = np.zeros(size)  # what slots of pools that are not in use would be is not written
         self._readers[name](*(argument.ctypes.data for argument in arguments), out.ctypes.data)
         return out
 
