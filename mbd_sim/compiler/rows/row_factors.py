@@ -202,8 +202,9 @@ def emit_product(
     With `pooled` rows their left and right coefficients follow, and the blocks of their slots.
 
     Of the matrix (rows, rows) those entries are computed whose row and column are active, closed or have a given force;
-    without `active` all of them, but for slots of pools that are not in use. The `mobility` (rows,) is the diagonal without friction, for rows of friction that
-    slide: those with a direction, whose number follows those of the active rows.
+    without `active` all of them, but for slots of pools that are not in use. The `mobility` (rows,) is the diagonal
+    without friction, for rows of friction that slide: those with a direction, whose number follows those of the active
+    rows.
     """
     if (known := module.functions.get(name)) is not None:
         return known

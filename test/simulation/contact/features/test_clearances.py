@@ -30,7 +30,7 @@ def remembered(bounds, first, second):
     memory[-1] = -np.inf
     one, other = bounds
     centers, radii = np.concatenate([one.center, other.center]), np.array([one.radius, other.radius])
-    own = first, second, centers, radii, np.ones(3), 0, np.zeros(0), 0, 0, memory
+    own = first, second, centers, radii, np.ones(3), 0, np.zeros(0), *[0] * 7, memory
     return FeaturePair(0, 0, 0, 0, 0, 0, False, -1, *own)
 
 
