@@ -13,9 +13,9 @@ Functions give it what the other forces do to the parts, and take from it the wr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import accumulate
 
 import casadi as ca
@@ -134,7 +134,7 @@ class OneSidedFunctions:
     - `response(t, y, inputs, impulses, slots)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
     - `places(t, y, inputs)`: the points in m, the forces in N and the normals (9, placed gaps), in ground's frame; λ is
-      among the inputs.
+      among the inputs. Of round bodies it is as long as all others together, and traced when it is first read.
     """
 
     equations: OneSidedEquations
@@ -149,9 +149,14 @@ class OneSidedFunctions:
     load_components: tuple[int, ...]
     response: ca.Function
     restitution: ca.Function
-    places: ca.Function
+    trace_places: Callable[[], ca.Function]
     slots: SlotFunctions
     farthest: tuple[float, ...]
+
+    @cached_property
+    def places(self) -> ca.Function:
+        """Where contacts are, and their forces."""
+        return self.trace_places()
 
     def read(self, t: ca.SX, y: ca.SX, inputs: ca.SX, solution: ca.SX) -> ca.SX:
         """The `readings` at a state, as expressions."""
@@ -352,7 +357,7 @@ class OneSidedDynamics:
                 "contact_response", [*inputs, solution, self._slots], self._response(solution, self._carried)
             ),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
-            places=_function("contact_places", inputs, one_sided.places),
+            trace_places=partial(_function, "contact_places", inputs, one_sided.places),
             slots=self._slot_functions(inputs),
             farthest=self._farthest,
         )
