@@ -96,7 +96,9 @@ class SlotFunctions:
     def values(self, t: ca.SX, y: ca.SX, inputs: ca.SX) -> ca.SX:
         """The vector as an expression, with zeros behind the values."""
         if self.pools:
-            message = f"contacts '{self.pools[0].pool.name}': what needs equations is not available for so many pairs"
+            pool = self.pools[0].pool
+            pairs = f"contacts '{pool.name}': the {len(pool.pairs)} pairs share their slots"
+            message = f"{pairs}, so that their rows are not known as equations"
             raise InputError(message, "Name the pairs that matter with 'between'.")
         motions = ca.vertsplit(self.motions.call([t, y, inputs])[0], MOTION)
         found, given = [ca.SX(0, 1)], inputs[: self.calls[0].function.nnz_in(1)] if self.calls else inputs

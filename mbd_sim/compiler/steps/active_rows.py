@@ -85,11 +85,7 @@ def emit_solved(
     has_margin = last > 4 + has_loads
     columns = function_of_state.nnz_out(3) // max(n, 1)
 
-    def emitted(called: ca.Function) -> Function:
-        known = module.functions.get(called.name())
-        return lower_repeated(module, arranged(called, fused=fused), inline=False) if known is None else known
-
-    emitted_system, *emitted_results = map(emitted, (function_of_state, *results))
+    emitted_system, *emitted_results = (_lowered(module, each, fused=fused) for each in (function_of_state, *results))
     solve = emit_active_solver(module, f"{name}.solve", active, columns, adds_given=adds_given, watches=watches)
     function = Function(module, FunctionType(VOID, [POINTER] * (3 + len(results) + reports_margin)), name)
     function.linkage = "internal"
@@ -114,17 +110,27 @@ def emit_solved(
         product = emit_product(module, f"{function_of_state.name()}.product", system.factors, active, pooled)
         more = [] if calls is None else calls.coefficients.all
         b.call(product, [inputs, left, factor, matrix, element(b, values, slots.size - n), *more])
-    arguments = [inputs, matrix, right, solution]
-    if has_loads:
-        _emit_loaded(b, n, loads, solve, arguments, numbers[0])
-    else:
-        b.call(solve, arguments)
+    _emit_solution(b, n, loads, solve, [inputs, matrix, right, solution], numbers)
     if calls is not None:
         calls.end(solution, n, columns, values)
     for result, into in zip(emitted_results, out, strict=True):
         b.call(result, [memory, solution, values, into])
     b.ret_void()
     return function
+
+
+def _lowered(module: Module, called: ca.Function, *, fused: bool) -> Function:
+    known = module.functions.get(called.name())
+    return lower_repeated(module, arranged(called, fused=fused), inline=False) if known is None else known
+
+
+def _emit_solution(
+    b: IRBuilder, n: int, loads: Sequence[Load], solve: Function, arguments: list[Value], numbers: Sequence[Value]
+) -> None:
+    if loads:
+        _emit_loaded(b, n, loads, solve, arguments, numbers[0])
+    else:
+        b.call(solve, arguments)
 
 
 def _emit_loaded(

@@ -269,13 +269,7 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     places = {index: [place for place, row in enumerate(own[index]) if row in new_index] for index in slots}
     slots = {index: slot.select(places[index]) for index, slot in slots.items() if index in new_index}
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
-    numbers = [gap.numbers for gap in gaps if gap.numbers is not None]
-    loads = sum(element.joint is not None for element in frictions)
-    pooled = sum(gap.pool is not None for gap in gaps)
-    parts = len(motions.links) if pooled else 0
-    layout = OneSidedLayout(len(gaps), len(kept), loads, sum(each.shape[0] for each in numbers), pooled, parts)
-    others = ca.SX.sym("pools", layout.size - layout.features.stop)
-    inputs = ca.vertcat(ca.SX.sym("contact", layout.features.start), *numbers, others)
+    layout, inputs = _contact_inputs(gaps, len(kept), sum(one.joint is not None for one in frictions), motions)
     remaining = [place for place, row in enumerate(plain) if row in new_index]
     combined = combined_rows(
         equations.select(remaining),
@@ -289,6 +283,18 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     points = placed_forces(placed, combined.equations.rows, inputs[layout.given], in_state)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
     return OneSidedEquations(tuple(gaps), tuple(frictions), combined, layout, inputs, points, units, are_lengths)
+
+
+def _contact_inputs(
+    gaps: Sequence[Gap], rows: int, loads: int, motions: PartMotions
+) -> tuple[OneSidedLayout, ca.SX]:  # fmt: skip
+    """The layout of the contact inputs, and their symbols."""
+    numbers = [gap.numbers for gap in gaps if gap.numbers is not None]
+    pooled = sum(gap.pool is not None for gap in gaps)
+    parts = len(motions.links) if pooled else 0
+    layout = OneSidedLayout(len(gaps), rows, loads, sum(each.shape[0] for each in numbers), pooled, parts)
+    of_pools = ca.SX.sym("pools", layout.size - layout.features.stop)
+    return layout, ca.vertcat(ca.SX.sym("contact", layout.features.start), *numbers, of_pools)
 
 
 def _places_of_parts(motions: PartMotions) -> dict[str, int]:
@@ -350,10 +356,13 @@ def _idle(motions: PartMotions, slot: Slot) -> list[int]:
 
 
 def _require_few_slots(mechanism: Mechanism, gaps: Sequence[Gap]) -> None:
-    """Refuse what would take minutes to compile: the rows of all slots are solved for together."""
+    """Refuse what would take minutes to compile: the rows of all slots are solved for together.
+
+    Those of pools, which are bounded, do not count.
+    """
     own: dict[str, int] = {}
     for gap in gaps:
-        if gap.contact is not None:
+        if gap.contact is not None and gap.pool is None:
             own[gap.contact.name] = own.get(gap.contact.name, 0) + 1 + len(gap.slip)
     if (total := sum(own.values())) <= MOST_ROWS:
         return

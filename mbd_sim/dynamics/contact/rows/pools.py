@@ -18,7 +18,7 @@ from mbd_sim.mechanism.elements.contacts import Ball, Contact, ContactBody, Soli
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
 
-MOST_ROWS = 1200  # of slots, of gaps and friction together
+MOST_ROWS = 1200  # of slots, of gaps and friction together: of those of pairs, and again of each pool
 OWN_ROWS = 200  # of the pairs of an entry of the file, up to which each pair has slots of its own
 BALLS, SOLIDS = 4, 8  # slots of a pool for each body: a heap of balls has some three contacts for each ball
 

@@ -74,6 +74,8 @@ def advance(
             saved[i] = inputs[c.first_mode + i]
         hold(c, inputs)
         counts[1] = step(c, y, inputs, (first + done) * h, (first + done + 1) * h, events, counts)
+        if c.lacking[0] != 0:
+            counts[1] = HARD
         if counts[1] != DONE:
             for i in range(c.size):
                 y[i] = kept[i]

@@ -115,6 +115,8 @@ def step(
         free.after[i] = y[i]
     if c.body_pairs > 0:
         find_all(c, free, inputs)
+    if c.lacking[0] != 0:
+        return HARD
     read_rows(c, end, y, inputs, rows)
     mark_closing(c, rows, h, closing)
     read_rows(c, start, free.before, inputs, rows)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
@@ -164,15 +165,21 @@ class FeaturePairs:
             first += size * len(gaps)
         self._features, self._holders = slice(features, first), slice(first, holders)
 
-    def compiled(self, failures: list[BaseException]) -> list[tuple[FeaturePair, PhaseFunctions]]:
-        """See `SlottedPair.compiled`."""
-        lacking = {at: prototype("None", ())(partial(self._lack, at, failures)) for at in self.pools}
+    def compiled(
+        self, failures: list[BaseException], marks: NDArray[np.int64]
+    ) -> list[tuple[FeaturePair, PhaseFunctions]]:
+        """See `SlottedPair.compiled`.
+
+        :param marks: (1,) becomes 1 where a pool has too few slots.
+        """
+        lacking = {at: prototype("None", ())(partial(self._lack, at, failures, marks)) for at in self.pools}
         addresses = {at: address_of(function) for at, function in lacking.items()}
         found = [pair.compiled(failures, addresses.get(pair.gaps[0], 0)) for pair in self.pairs]
         return [(record, replace(functions, alive=(functions.alive, lacking))) for record, functions in found]
 
-    def _lack(self, pool: int, failures: list[BaseException]) -> None:
+    def _lack(self, pool: int, failures: list[BaseException], marks: NDArray[np.int64]) -> None:
         failures.append(self._lacking(self.pools[pool]))
+        marks[0] = 1
 
     def _lacking(self, pair: SlottedPair) -> MbdSimError:
         message = f"contacts '{pair.contact.name}': more than {len(pair.gaps)} points touch at once"

@@ -49,7 +49,8 @@ class Contacts:
     where they are 0, such steps are left to others, and events are forgotten.
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
-    that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. There are
+    that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. Once a pool has had too few
+    slots, `lacking` (1,) is not 0, and the step is left to others. There are
     `inputs`, and behind them `history` numbers of the method, which hold the inputs that they belong to from
     `kept_inputs` on, if that is not 0. The `held_count` numbers `held` of a state change between
     steps only. Slip below the speed `slow` has the stored direction. States have `size` numbers, the speeds are those
@@ -94,6 +95,7 @@ class Contacts:
     radau: Array
     body_pairs: int
     bodies: Integers
+    lacking: Integers
     accuracy: float
     inputs: int
     history: int
