@@ -124,6 +124,7 @@ class CompiledContacts:
                 "body_pairs": 0,
                 "bodies": np.zeros(0, dtype=np.int64),
                 "lacking": np.zeros(1, dtype=np.int64),
+                **_travels(0, np.zeros(0)),
                 "accuracy": 0.0,
             }
         lacking = np.zeros(1, dtype=np.int64)
@@ -135,6 +136,7 @@ class CompiledContacts:
             "body_pairs": len(self._pairs),
             "bodies": np.concatenate([packed(pair) for pair, _ in self._pairs]),
             "lacking": lacking,
+            **_travels(features.places, features.reaches),
             "accuracy": features.tolerance,
         }
 
@@ -292,6 +294,17 @@ def _stepping(model: OneSidedModel, kernel: Kernel, layout: CoordinateLayout) ->
         np.array([(q.start, q.stop, u.start, u.stop) for q, u in places], dtype=np.int64).ravel(),
         model.compliance,
     )
+
+
+def _travels(places: int, reaches: Array) -> dict[str, Any]:
+    """The memory among the fields of `Contacts`."""
+    return {
+        "held_slots": np.zeros(1, dtype=np.int64),
+        "reaches": reaches,
+        "latest": np.zeros(places),
+        "stepped": np.zeros(len(reaches)),
+        "travelled": np.zeros(len(reaches)),
+    }
 
 
 def _slots(model: OneSidedModel) -> dict[str, Any]:

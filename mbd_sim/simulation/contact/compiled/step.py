@@ -28,7 +28,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
 from mbd_sim.simulation.contact.compiled.instant.impact import impact, return_at_once
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, STOPPED, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.lengths import LONGER
-from mbd_sim.simulation.contact.compiled.pairs import hold, may_meet, pair_at
+from mbd_sim.simulation.contact.compiled.pairs import hold, is_far, may_meet, pair_at, see, travel
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
 from mbd_sim.simulation.contact.compiled.sliding import Sliding
 from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
@@ -125,7 +125,14 @@ def steps_without_event(c: Contacts, y: Array, inputs: Array, first: int, h: flo
 def may_change(c: Contacts, inputs: Array, before: Array, after: Array) -> bool:
     """Whether two bodies may have met, or their features may have changed."""
     hold(c, inputs)
-    return any(may_meet(c, pair_at(c, index), inputs, before, after) for index in range(c.body_pairs))
+    travel(c, before, after)
+    for index in range(c.body_pairs):
+        pair = pair_at(c, index)
+        if not is_far(c, pair):
+            see(c, pair, after)
+            if may_meet(c, pair, inputs, before, after):
+                return True
+    return False
 
 
 def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> bool:

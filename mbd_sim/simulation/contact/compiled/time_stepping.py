@@ -270,8 +270,8 @@ def find_all(c: Contacts, free: FreeMotion, inputs: Array) -> None:
     hold(c, inputs)
     for index in range(c.body_pairs):
         pair = pair_at(c, index)
-        count = add_found(pair, places, tolerance, apart, inputs, 0)
-        add_found(pair, places_after, tolerance, apart, inputs, count)
+        count = add_found(c, pair, places, tolerance, apart, inputs, 0)
+        add_found(c, pair, places_after, tolerance, apart, inputs, count)
 
 
 def has_slot(pair: FeaturePair, inputs: Array, count: int, key: float) -> bool:
@@ -279,7 +279,9 @@ def has_slot(pair: FeaturePair, inputs: Array, count: int, key: float) -> bool:
     return any(slot_key(pair, inputs, slot) == key for slot in range(count))
 
 
-def add_found(pair: FeaturePair, places: Array, tolerance: float, apart: float, inputs: Array, count: int) -> int:
+def add_found(
+    c: Contacts, pair: FeaturePair, places: Array, tolerance: float, apart: float, inputs: Array, count: int
+) -> int:
     """Add features to the `count` first slots of a pair that are in use; the number of those that are in use then.
 
     Bodies that are farther `apart` need none. What is remembered of their distance only tells this sooner.
@@ -295,7 +297,7 @@ def add_found(pair: FeaturePair, places: Array, tolerance: float, apart: float, 
     touching = TOUCHING(pair.touching, pair.data, one, other, tolerance, found)
     for k in range(touching):
         if count < pair.slots and not has_slot(pair, inputs, count, key_of(found, pair.size, k)):
-            if not take(pair, count, inputs):
+            if not take(c, pair, count, inputs):
                 return count
             for i in range(pair.size):
                 inputs[numbers_at(pair, count) + i] = found[pair.size * k + i]

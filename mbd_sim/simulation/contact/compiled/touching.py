@@ -181,7 +181,7 @@ def renew_pair(c: Contacts, pair: FeaturePair, places: Array, inputs: Array) -> 
         if chosen[slot] >= 0:
             if slot_key(pair, inputs, slot) != key_of(found, pair.size, chosen[slot]):
                 empty(c, pair, slot, inputs)
-            for i in range(pair.size if take(pair, slot, inputs) else 0):
+            for i in range(pair.size if take(c, pair, slot, inputs) else 0):
                 inputs[numbers_at(pair, slot) + i] = found[pair.size * chosen[slot] + i]
         elif not kept[slot]:
             empty(c, pair, slot, inputs)
@@ -278,6 +278,7 @@ def empty(c: Contacts, pair: FeaturePair, slot: int, inputs: Array) -> None:
     inputs[c.first_mode + pair.gaps[slot]] = 0.0
     if pair.shared > 0:
         inputs[pair.holders + pair.gaps[slot] - pair.first_gap] = 0.0
+        c.held_slots[0] -= 1
         pair.gaps[slot] = NO_GAP
 
 

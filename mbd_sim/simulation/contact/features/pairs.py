@@ -32,7 +32,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Solid,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
-from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, NO_GAP, FeaturePair
+from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, NO_GAP, SEEN, FeaturePair
 from mbd_sim.simulation.contact.features.barrels import BarrelPair
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, SlotFeatures, functions_of
@@ -96,7 +96,7 @@ class SlottedPair:
         :param lacking: the address of what is called where a pool has too few slots.
         """
         functions, memory = functions_of(self.phase, self.slots, self.size, failures), np.zeros(MEMORY)
-        memory[KNOWN] = -np.inf
+        memory[[KNOWN, SEEN]] = -np.inf
         one, other = self.phase.bounds
         record = FeaturePair(
             distance=functions.distance,
@@ -130,6 +130,8 @@ class FeaturePairs:
     """All pairs of a model with changing features. It holds no state.
 
     :param features: the place of the numbers of the slots among the inputs.
+    `reaches` (parts + 1,) are how far from the origin of each part, and of ground, the centers of its bodies are, in m.
+
     :param tolerance: the gap in m that counts as zero.
     """
 
@@ -164,6 +166,10 @@ class FeaturePairs:
                 holders += len(gaps)
             first += size * len(gaps)
         self._features, self._holders = slice(features, first), slice(first, holders)
+        self.reaches = np.zeros(self._count + 1)
+        for pair in self.pairs:
+            for part, bounds in zip(pair.parts, pair.phase.bounds, strict=True):
+                self.reaches[part] = max(self.reaches[part], math.hypot(*bounds.center))
 
     def compiled(
         self, failures: list[BaseException], marks: NDArray[np.int64]

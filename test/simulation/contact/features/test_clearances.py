@@ -8,7 +8,9 @@ import pytest
 from mbd_sim.base.geometry import rotation as rot
 from mbd_sim.base.geometry.pose import Pose, pack_poses
 from mbd_sim.simulation.contact.compiled.pairs import (
+    KNOWN,
     MEMORY,
+    SEEN,
     FeaturePair,
     at_least,
     note,
@@ -27,7 +29,7 @@ def packed(*poses):
 def remembered(bounds, first, second):
     """A pair of the bodies with these rows of poses; only what bounds its distance."""
     memory = np.zeros(MEMORY)
-    memory[-1] = -np.inf
+    memory[[KNOWN, SEEN]] = -np.inf
     one, other = bounds
     centers, radii = np.concatenate([one.center, other.center]), np.array([one.radius, other.radius])
     own = first, second, centers, radii, np.ones(3), 0, np.zeros(0), *[0] * 7, memory

@@ -49,8 +49,11 @@ class Contacts:
     where they are 0, such steps are left to others, and events are forgotten.
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
-    that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. Once a pool has had too few
-    slots, `lacking` (1,) is not 0, and the step is left to others. There are
+    that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. Once a pool has had too
+    few slots, `lacking` (1,) is not 0, and the step is left to others. Pairs have `held_slots` (1,) of pools. To tell
+    soon that bodies are far from each other, memory is kept: the `latest` poses of the parts, how far the centers of
+    bodies, up to `reaches` (parts,) from the origins, have `travelled` (parts,) until then at most, and in the last
+    step, `stepped` (parts,). There are
     `inputs`, and behind them `history` numbers of the method, which hold the inputs that they belong to from
     `kept_inputs` on, if that is not 0. The `held_count` numbers `held` of a state change between
     steps only. Slip below the speed `slow` has the stored direction. States have `size` numbers, the speeds are those
@@ -96,6 +99,11 @@ class Contacts:
     body_pairs: int
     bodies: Integers
     lacking: Integers
+    held_slots: Integers
+    reaches: Array
+    latest: Array
+    stepped: Array
+    travelled: Array
     accuracy: float
     inputs: int
     history: int
