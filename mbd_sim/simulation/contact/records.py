@@ -108,8 +108,8 @@ class ContactState:
     clutches and friction in joints.
 
     Where many bodies touch, an entry belongs to different pairs in turn: `bodies` are the names of the shapes of that
-    which it belongs to, the first part first; None while it is open, and for other contacts. An open one has an
-    infinite gap.
+    which it belongs to, the first part first; None while it is open, and for other contacts. The gap of an open one
+    is that of the nearest pair.
     """
 
     state: str

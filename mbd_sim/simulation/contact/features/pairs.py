@@ -7,9 +7,9 @@ distance that their narrow phase gives, so that the motion does not depend on wh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -230,13 +230,22 @@ class FeaturePairs:
                     inputs[first + pair.phase.found_at] = 0.0
 
     def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
-        """The distance of the two bodies in m, by the index of each of their gaps; infinite for those of pools."""
+        """The distance of two bodies in m, by the index of each of their gaps; for pools that of the nearest pair."""
         poses = self._poses(time, y, inputs)
-        own = (pair for pair in self.pairs if pair.holders is None)
-        found = {
-            gap: distance for pair in own for distance in [pair.phase.distance(*pair.poses(poses))] for gap in pair.gaps
-        }
-        return found | {gap: math.inf for pair in self.pools.values() for gap in pair.gaps}
+        own = ((pair, pair.phase.distance(*pair.poses(poses))) for pair in self.pairs if pair.holders is None)
+        found = {gap: distance for pair, distance in own for gap in pair.gaps}
+        for gaps, pairs in self._pooled.items():
+            found |= dict.fromkeys(gaps, _nearest(pairs, poses))
+        return found
+
+    @cached_property
+    def _pooled(self) -> Mapping[tuple[int, ...], list[SlottedPair]]:
+        """The pairs of each pool, by its gaps."""
+        found: dict[tuple[int, ...], list[SlottedPair]] = {}
+        for pair in self.pairs:
+            if pair.holders is not None:
+                found.setdefault(pair.gaps, []).append(pair)
+        return found
 
     def are_moved(self, time: float, y: Array, inputs: Array, others: Array) -> bool:
         """Whether parts are elsewhere with other inputs at the same state: live values may move the ends of joints."""
@@ -258,6 +267,23 @@ def _are_near(pair: SlottedPair, poses: tuple[Pose, Pose], tolerance: float) -> 
     ]
     apart = math.dist(*(center.tolist() for center in centers))
     return apart <= sum(bounds.radius for bounds in pair.phase.bounds) + tolerance
+
+
+def _nearest(pairs: Sequence[SlottedPair], poses: Array) -> float:
+    """The least distance of the bodies of some pairs in m; of those whose spheres are apart, that of the spheres."""
+    ends = []
+    for end in (0, 1):
+        rows = poses[[pair.parts[end] for pair in pairs]]
+        centers = np.array([pair.phase.bounds[end].center for pair in pairs])
+        rotations = rows[:, 3:].reshape(-1, 3, 3)  # each column by column
+        ends.append(rows[:, :3] + np.sum(rotations * centers[:, :, None], axis=1))
+    radii = np.array([sum(bounds.radius for bounds in pair.phase.bounds) for pair in pairs])
+    lines = ends[0] - ends[1]
+    apart = np.sqrt(np.sum(lines * lines, axis=1)) - radii
+    least = float(np.min(apart[apart > 0.0], initial=np.inf))
+    for index in np.flatnonzero(apart <= 0.0).tolist():
+        least = min(least, pairs[index].phase.distance(*pairs[index].poses(poses)))
+    return least
 
 
 def _across(still: int | None) -> Array:

@@ -109,6 +109,18 @@ def test_snapshots_keep_the_pairs_of_slots(monkeypatch):
     assert np.array_equal(sim.y, expected) and np.array_equal(copy.y, expected)
 
 
+def test_open_slots_have_the_distance_of_the_nearest_pair(monkeypatch):
+    sim = shared(monkeypatch)
+    for _ in range(12):
+        gaps = {state.gap for name, state in sim.contacts().items() if name.startswith("bodies")}
+        pairs = sim.model.one_sided.features
+        poses = pairs._poses(sim.time, sim.y, sim.inputs)
+        exact = [pair.phase.distance(*pair.poses(poses)) for pair in pairs.pairs if pair.holders is not None]
+        (gap,) = gaps
+        assert gap <= min(exact) + 1e-15 and (gap > 0.0) == (min(exact) > 0.0)
+        sim.step(5)
+
+
 def test_events_name_the_pair(monkeypatch):
     sim = shared(monkeypatch)
     step_to_contact(sim)
