@@ -334,7 +334,7 @@ class Model:
         """
         from mbd_sim.simulation.contact.readings import ContactReadings
 
-        has_places = self.one_sided is not None and self.one_sided.placed
+        has_places = self.one_sided is not None and len(self.one_sided.placed) > self.one_sided.layout.pooled
         function = self.on_request.named("contact_places") if has_places else None
 
         def places(time: float, y: Array, inputs: Array, out: Array) -> Array:
