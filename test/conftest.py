@@ -102,7 +102,7 @@ def _compile_as_for_users(contents, emit):
 
 library.compile_once = _compile_as_for_users
 # Tests compare code that is emitted in different ways from the same equations.
-kernel.compiled_before = lambda compile_, *_: compile_()
+kernel.compiled_before, kernel.records_digest = lambda compile_, *_: compile_(), lambda _: ""
 disk_cache.LARGEST = math.inf  # to look at all entries takes as long as to compile one
 
 

@@ -6,18 +6,22 @@ come in pairs: the first gives a memory and the system, the second takes the mem
 values of slots as well, see `mbd_sim.dynamics.contact.rows.slots`.
 
 With many rows the system has factors of A, of which the compiled code computes what the active rows need.
+
+The parts on which the slots of pools act are known to the compiled code alone, see `mbd_sim.compiler.rows.pooled_rows`.
+Functions give it what the other forces do to the parts, and take from it the wrenches of these slots on them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import accumulate
 
 import casadi as ca
 import numpy as np
 
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.linear_algebra import norm
 from mbd_sim.compiler.rows.row_factors import Factors
 from mbd_sim.dynamics.accelerations import (
@@ -32,7 +36,7 @@ from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
 from mbd_sim.dynamics.contact.one_sided_readings import gap_values, one_sided_readings
 from mbd_sim.dynamics.contact.one_sided_rows import JointLoad, transmitted_force
 from mbd_sim.dynamics.contact.rows.combined_rows import matrix_of
-from mbd_sim.dynamics.contact.rows.slots import MOTION, SlotCall
+from mbd_sim.dynamics.contact.rows.slots import MOTION, PoolCall, SlotCall
 from mbd_sim.dynamics.kinematics.poses import normalized_quaternions
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 from mbd_sim.dynamics.math.spatial import merged_function, separated
@@ -54,7 +58,9 @@ class SolvedPair:
     With `factors` L and R, the matrix is Lᵀ R, and the system gives the numbers of both instead; without, the second of
     these outputs is empty. `result(memory, solution, slots)` takes the solution (n, k) of the active rows, with zeros
     for all others. Where friction depends on the loads of joints, the system also gives these loads: see
-    `mbd_sim.compiler.steps.active_rows.Load`.
+    `mbd_sim.compiler.steps.active_rows.Load`. With pools the last two outputs are how the forces of the rows of each
+    slot follow from the solution (k, k), one after the other, and the rates of change (6 parts,) of the twists of parts
+    without these; both are empty where there is no friction, and where rates do not count.
     """
 
     system: ca.Function
@@ -74,17 +80,26 @@ class SlotFunctions:
     """The values of slots: `motions(t, y, inputs)` gives those of parts, of which each of the `calls` takes some.
 
     The vector of `size` components has more behind the values, see `OneSidedFunctions`. The first value of a slot that
-    is not in use is the length `unused` in m, and all others are zero.
+    is not in use is the length `unused` in m, and all others are zero. The numbers of the pairs of the slots of `pools`
+    are among the inputs from `first_holder` on; each of these slots has some of the `rows_of_pools`.
     """
 
     motions: ca.Function
     calls: tuple[SlotCall, ...]
+    pools: tuple[PoolCall, ...]
+    rows_of_pools: tuple[tuple[int, ...], ...]
+    first_holder: int
     size: int
     unused: float
     first_number: int
 
     def values(self, t: ca.SX, y: ca.SX, inputs: ca.SX) -> ca.SX:
         """The vector as an expression, with zeros behind the values."""
+        if self.pools:
+            pool = self.pools[0].pool
+            pairs = f"contacts '{pool.name}': the {len(pool.pairs)} pairs share their slots"
+            message = f"{pairs}, so that their rows are not known as equations"
+            raise InputError(message, "Name the pairs that matter with 'between'.")
         motions = ca.vertsplit(self.motions.call([t, y, inputs])[0], MOTION)
         found, given = [ca.SX(0, 1)], inputs[: self.calls[0].function.nnz_in(1)] if self.calls else inputs
         for call in self.calls:
@@ -99,8 +114,9 @@ class SlotFunctions:
 class OneSidedFunctions:
     """The functions of a mechanism with one-sided rows; `equations` are those of the rows.
 
-    The `slots` are the values of slots, and then numbers (rows,) that only readings with factors take: the diagonal of
-    A without friction, for rows of sliding friction.
+    The `slots` are the values of slots, with pools the wrenches (6 parts, 2) of their forces and of what follows the
+    forces in the solution, and then numbers (rows,) that only readings with factors take: the diagonal of A without
+    friction, for rows of sliding friction.
 
     - `rates`: y' as in `Equations.rates`, with the active rows.
     - `project`: y moved back to the closed gaps and to the speeds of the active rows; what would change one of q and
@@ -120,7 +136,7 @@ class OneSidedFunctions:
     - `response(t, y, inputs, impulses, slots)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
     - `places(t, y, inputs)`: the points in m, the forces in N and the normals (9, placed gaps), in ground's frame; λ is
-      among the inputs.
+      among the inputs. Of round bodies it is as long as all others together, and traced when it is first read.
     """
 
     equations: OneSidedEquations
@@ -135,9 +151,14 @@ class OneSidedFunctions:
     load_components: tuple[int, ...]
     response: ca.Function
     restitution: ca.Function
-    places: ca.Function
+    trace_places: Callable[[], ca.Function]
     slots: SlotFunctions
     farthest: tuple[float, ...]
+
+    @cached_property
+    def places(self) -> ca.Function:
+        """Where contacts are, and their forces."""
+        return self.trace_places()
 
     def read(self, t: ca.SX, y: ca.SX, inputs: ca.SX, solution: ca.SX) -> ca.SX:
         """The `readings` at a state, as expressions."""
@@ -178,9 +199,13 @@ class OneSidedDynamics:
         self._rows = one_sided.combined
         rows = one_sided.layout.rows
         # The values of slots, then the diagonal of A where the compiled code finds it, see `OneSidedFunctions`.
-        self._slots = ca.vertcat(self._rows.slots.symbols, ca.SX.sym("mobility", rows))
-        self._is_factored = rows >= FACTORED
-        basis = self._rows.basis
+        basis, parts = self._rows.basis, 6 * one_sided.layout.parts
+        self._carried, more_carried = ca.SX.sym("wrenches", parts), ca.SX.sym("more_wrenches", parts)
+        self._more_carried = more_carried
+        mobility = ca.SX.sym("mobility", rows)
+        self._slots = ca.vertcat(self._rows.slots.symbols, self._carried, more_carried, mobility)
+        self._has_pools = bool(self._rows.slots.pools)
+        self._is_factored = rows >= FACTORED or self._has_pools
         self._net_forces = mass_matrix.net_joint_forces(basis.gradient.T)
         # With the combination C of the basis, A without friction is C Lᵀ R Cᵀ, with `_left` and `_right` as L and R.
         self._left, self._right = mass_matrix.factors(self._net_forces)
@@ -208,18 +233,32 @@ class OneSidedDynamics:
 
     @cached_property
     def _free(self) -> ca.SX:
-        """The rates of change (rows,) of the rows' rates without contact forces."""
+        """The rates of change (rows,) of the rows' rates without contact forces; of pools without those of parts."""
+        return ca.densify(self._free_of(self._rows.combination, self.one_sided.equations.bias))
+
+    def _free_of(self, combination: ca.SX, bias: ca.SX) -> ca.SX:
+        """Those of combinations of the basis, with a bias."""
         applied, _, multipliers = self._unloaded
-        combination = self._rows.combination
-        free = combination @ self._mass_matrix.product(self._net_forces, applied) + self.one_sided.equations.bias
+        free = combination @ self._mass_matrix.product(self._net_forces, applied) + bias
         if self._solver is not None:
             free += combination @ (self._solver.coupling(self._net_forces).T @ multipliers)
-        return ca.densify(free)
+        return free
+
+    @cached_property
+    def _free_parts(self) -> ca.SX:
+        """The rates of change (6 parts,) of the twists of the parts of slots, if there are pools."""
+        parts = 6 * self.one_sided.layout.parts
+        return self._free_of(ca.SX.eye(self._rows.combination.shape[1])[:parts, :], self._rows.basis.bias[:parts])
+
+    def _on_basis(self, forces: ca.SX, carried: ca.SX) -> ca.SX:
+        """Forces of the basis from those of rows, and from wrenches on parts."""
+        return _with_carried(self._rows.combination.T @ forces, carried)
 
     def given_motion(self) -> ConstrainedMotion:
         """The motion under the contact forces among the inputs, in the state."""
-        combination = self._rows.slots.written(self._rows.combination)
-        return self._motion(combination.T @ self.one_sided.given_forces)
+        one_sided, combination = self.one_sided, self._rows.slots.written(self._rows.combination)
+        carried = one_sided.numbers[one_sided.layout.wrenches]
+        return self._motion(_with_carried(combination.T @ one_sided.given_forces, carried))
 
     def _motion(self, forces: ca.SX) -> ConstrainedMotion:
         """The motion under forces of the basis; its multipliers are those of the two-sided rows, then these."""
@@ -251,9 +290,9 @@ class OneSidedDynamics:
             return self._mass_matrix.solve(net_forces)
         return self._solver.accelerations(net_forces, multipliers)
 
-    def _response(self, impulses: ca.SX) -> ca.SX:
+    def _response(self, impulses: ca.SX, carried: ca.SX) -> ca.SX:
         """The change of u (nv,) by impulses (rows,)."""
-        impulses = self._rows.combination.T @ impulses
+        impulses = self._on_basis(impulses, carried)
         net_forces = [ca.sparsify(own @ impulses) for own in self._net_forces]
         return self._accelerations(net_forces, self._reaction @ impulses).u_rates
 
@@ -300,6 +339,7 @@ class OneSidedDynamics:
             if gap.numbers is not None:  # what their bodies do before they touch is not known to the slots
                 open_gaps[index], gap_rates[index] = 1.0, 0.0
         rates, readings = self._rates(solution)
+        terms_of_pools = [ca.SX(0, 1), self._free_parts] if self._has_pools else []
         return OneSidedFunctions(
             equations=one_sided,
             rates=rates,
@@ -311,23 +351,33 @@ class OneSidedDynamics:
             open_start=merged_function(
                 "open_start", inputs, open_rates, ca.vertcat(open_gaps, gap_rates), *self._margin
             ),
-            terms=_function("contact_terms", given, *vectors, rest),
+            terms=_function("contact_terms", given, *vectors, rest, *terms_of_pools),
             terms_factors=factors,
             loads=_function("joint_loads", given, ca.vertcat(ca.SX(0, 1), *numbers)),
             load_components=tuple(load.unloaded.shape[0] for load in self.loads),
-            response=_function("contact_response", [*inputs, solution, self._slots], self._response(solution)),
+            response=_function(
+                "contact_response", [*inputs, solution, self._slots], self._response(solution, self._carried)
+            ),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
-            places=_function("contact_places", inputs, one_sided.places),
+            trace_places=partial(_function, "contact_places", inputs, one_sided.places),
             slots=self._slot_functions(inputs),
             farthest=self._farthest,
         )
 
     def _slot_functions(self, inputs: list[ca.SX]) -> SlotFunctions:
         slots, layout = self._rows.slots, self.one_sided.layout
-        motions = ca.vertcat(ca.SX(0, 1), *slots.motions.values) if slots.calls else ca.SX(0, 1)
-        first = self._traced.input_layout.one_sided.start + layout.features.start
-        function = _function("part_motions", inputs, motions)
-        return SlotFunctions(function, slots.calls, self._slots.shape[0], slots.unused, first)
+        motions = ca.vertcat(ca.SX(0, 1), *slots.motions.values) if slots.slots else ca.SX(0, 1)
+        start, rows = self._traced.input_layout.one_sided.start, tuple(map(tuple, self._rows_of_pools))
+        return SlotFunctions(
+            motions=_function("part_motions", inputs, motions),
+            calls=slots.calls,
+            pools=slots.pools,
+            rows_of_pools=rows,
+            first_holder=start + layout.holders.start,
+            size=self._slots.shape[0],
+            unused=slots.unused,
+            first_number=start + layout.features.start,
+        )
 
     def _system(self, matrix: ca.SX, columns: tuple[ca.SX, ca.SX], last: ca.SX) -> tuple[list[ca.SX], Factors | None]:
         """A as `SolvedPair.system` gives it, and its factors, from the `matrix` A or from L and R as `columns`.
@@ -353,7 +403,7 @@ class OneSidedDynamics:
         unloaded = self._left.T @ (self._right @ ca.sparsify(combination.T @ at_zero))
         right = -(self._free + combination @ unloaded)
         forces = one_sided.forces(solution)
-        motion = self._motion(combination.T @ forces)
+        motion = self._motion(self._on_basis(forces, self._carried))
         audit = audit_rates(self._all_columns, self._forces, motion)
         friction = one_sided.friction_power(forces)
         audit[2] += friction
@@ -373,8 +423,24 @@ class OneSidedDynamics:
         readings = one_sided_readings(one_sided, self.loads, mobility, self._weight, solution)
         matrix = ca.SX() if self._is_factored else self._matrix
         system = self._system(matrix, (self._left, self._right), with_friction)
-        pair, further = self._pair("contact", [y_rates, readings], solution, system, right, [*extra, *self._margin])
+        outputs = [*extra, *self._margin, *self._of_pools(with_friction, unloaded)]
+        pair, further = self._pair("contact", [y_rates, readings], solution, system, right, outputs)
         return pair, further[0]
+
+    def _of_pools(self, with_friction: ca.SX, unloaded: ca.SX) -> list[ca.SX]:
+        """The last outputs of the system of rates, see `SolvedPair`; `unloaded` adds to what the basis does."""
+        if not self._has_pools:
+            return []
+        free = self._free_parts + unloaded[: self._free_parts.shape[0]]
+        own = [ca.vec(ca.densify(with_friction[rows, rows])) for rows in self._rows_of_pools]
+        return [ca.vertcat(*own), free]
+
+    @cached_property
+    def _rows_of_pools(self) -> list[list[int]]:
+        """The rows of each slot of the pools: its gap, and its slip."""
+        slips = {element.gap: element.rows for element in self.one_sided.frictions}
+        gaps = [index for index, gap in enumerate(self.one_sided.gaps) if gap.pool is not None]
+        return [[gap, *slips.get(gap, ())] for gap in gaps]
 
     def _project(self, solution: ca.SX) -> SolvedPair:
         one_sided, traced = self.one_sided, self._traced
@@ -403,16 +469,17 @@ class OneSidedDynamics:
             whole = self._matrix * (keep @ keep.T) + ca.diag(slides)
             system = self._system(whole, (self._left, self._right), ca.SX.eye(n))
         speeds = ca.SX.sym("speeds", n)
-        q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution)
+        q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution, self._carried)
         q = normalized_quaternions(traced.links, q)
-        projected = ca.vertcat(q, state.u + self._response(speeds), traced.actuator_states, traced.audit)
+        speed_changes = self._response(speeds, self._more_carried)
+        projected = ca.vertcat(q, state.u + speed_changes, traced.actuator_states, traced.audit)
         return self._pair(
             "contact_project",
             [projected],
             ca.vertcat(solution, speeds),
             system,
             right,
-            [],
+            [ca.SX(0, 1), ca.SX(0, 1)] if self._has_pools else [],
         )[0]
 
     @property
@@ -452,6 +519,12 @@ class OneSidedDynamics:
             for index, part in enumerate(ca.vertsplit(reduced, list(sizes)))
         ]
         return SolvedPair(system, functions[0], factors), functions[1:]
+
+
+def _with_carried(forces: ca.SX, carried: ca.SX) -> ca.SX:
+    """Forces of the basis with wrenches on its first parts."""
+    rest = forces.shape[0] - carried.shape[0]
+    return forces + ca.vertcat(carried, ca.SX(rest, 1)) if carried.shape[0] else forces
 
 
 def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from mbd_sim.base import disk_cache
 from mbd_sim.compiler import kernel as kernel_module
 from mbd_sim.compiler.code import host_module, machine_code
 from mbd_sim.compiler.ir import module
@@ -219,10 +220,17 @@ contacts: {floor: {parts: [ball], plane: ground, restitution: 0.5}}
 """
 
 
-def test_code_of_contacts_is_emitted_once(monkeypatch, tmp_path):
-    """A second start of a robot on its floor took six seconds, of which four emitted what was compiled before."""
+@pytest.fixture
+def emitted_once(monkeypatch, tmp_path):
+    """Kernels of contacts are looked up, as for users, in a folder of their own."""
     monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path))
     monkeypatch.setattr(kernel_module, "compiled_before", host_module.compiled_before)
+    monkeypatch.setattr(kernel_module, "records_digest", disk_cache.records_digest)
+
+
+@pytest.mark.usefixtures("emitted_once")
+def test_code_of_contacts_is_emitted_once(monkeypatch, tmp_path):
+    """A second start of a robot on its floor took six seconds, of which four emitted what was compiled before."""
 
     def compiled(text, method="tsitouras8"):
         return builder._kernel(derive(parse_mechanism(text)), SimpleNamespace(method=METHODS[method]))
@@ -247,11 +255,10 @@ def test_code_of_contacts_is_emitted_once(monkeypatch, tmp_path):
         compiled(BOUNCING)
 
 
-def test_a_long_compilation_is_announced_once(monkeypatch, tmp_path, caplog):
+@pytest.mark.usefixtures("emitted_once")
+def test_a_long_compilation_is_announced_once(monkeypatch, caplog):
     """The first start of a mechanism with many contacts took a minute without a word."""
     caplog.set_level("INFO", logger="mbd_sim.compiler.kernel")
-    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path))
-    monkeypatch.setattr(kernel_module, "compiled_before", host_module.compiled_before)
     mechanism, said = (
         parse_mechanism(BOUNCING),
         "compiling the equations may take {} s; later starts find them in the cache",

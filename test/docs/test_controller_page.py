@@ -61,7 +61,7 @@ def test_the_controller_holds_the_cart_while_another_program_resets_the_simulato
         hold = subprocess.Popen(words, cwd=programs, env=environment, stdout=stream, stderr=subprocess.STDOUT)
     try:
         listener.until(lambda: listener.states, "the first state")
-        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 3e9, "3 s in lockstep")
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 1.5e9, "1.5 s in lockstep")
         told = subprocess.run(
             [sys.executable, "experiment.py"], cwd=programs, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=True
         )  # fmt: skip
@@ -73,7 +73,7 @@ def test_the_controller_holds_the_cart_while_another_program_resets_the_simulato
         assert log.read_text(encoding="utf-8") == ""
         assert node.end(signal.SIGINT) == 0
         assert "rejected" not in node.text
-        late = [state for tick, state in recorded_states(programs / "logs").items() if 2000 < tick <= 3000]
+        late = [state for tick, state in recorded_states(programs / "logs").items() if 1000 < tick <= 1500]
         rail, pin = late[-1].names.index("rail"), late[-1].names.index("pin")
         assert max(abs(state.position[rail] - 0.4) for state in late) < 0.05
         assert max(abs(state.position[pin]) for state in late) > 0.1

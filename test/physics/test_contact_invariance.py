@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pytest
 
 from mbd_sim import Simulation
 from test.generators.body_scenes import PAIRS, scene, throw
@@ -61,15 +60,9 @@ def turned(data, rng):
     return turned_world(welded(other_frames(reversed_order(data), rng)), random_turn(rng), SHIFT)
 
 
-@pytest.mark.parametrize(
-    "seed",
-    (
-        pytest.param(4, id="a corner that meets beside one that touches"),
-        pytest.param(15, id="a disc that rolls: slip across the plane has no row, of which forces would depend"),
-    ),
-)
-def test_a_scene_in_a_plane(seed):
+def test_a_scene_in_a_plane():
     """Prisms in the plane xz, and, in a turned world, with the rows and the narrow phase of space."""
+    seed = 4  # a corner that meets beside one that touches
     data = json.loads(scene(seed, "plane_loop"))
     assert events_while_equal(data, turned(data, np.random.default_rng(seed)), seed) > 3
 

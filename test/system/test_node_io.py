@@ -232,7 +232,9 @@ def test_simulated_time_continues_over_a_reset_and_stops_in_a_pause(tmp_path: Pa
 
 def test_two_instances_and_two_clocks_are_warned_of(tmp_path: Path) -> None:
     domain = new_domain()
-    nodes = [SimNodeProcess(domain, tmp_path, {}, [f"__ns:=/{name}"]) for name in ("left", "right")]
+    # Running nodes may first warn that they have lost time, and then say nothing more on the console for 30 s.
+    paused = {"start_paused": True}
+    nodes = [SimNodeProcess(domain, tmp_path, paused, [f"__ns:=/{name}"]) for name in ("left", "right")]
     listener = Listener(domain, "left")
     messages = received(listener, DiagnosticArray, "/diagnostics")
     try:

@@ -58,10 +58,11 @@ def find_repeats(graph: Graph) -> Repeats:
 
 def _best(graph: Graph, counts: Mapping[int, int]) -> list[LikeSections]:
     """The groups among the operations that have few results or inputs, whichever number saves most."""
-    found = []
+    found, chosen = [], list[int]()
     for few in FEW:
-        chosen = [node for node, count in counts.items() if count <= few]
-        found.append(_groups(graph, _connected(graph, chosen)))
+        before, chosen = chosen, [node for node, count in counts.items() if count <= few]
+        if few == FEW[0] or len(chosen) > len(before):
+            found.append(_groups(graph, _connected(graph, chosen)))
     return max(found, key=lambda groups: sum(group.saved for group in groups))
 
 

@@ -7,7 +7,7 @@ So many rows share few blocks. What is computed runs in loops over tables, whate
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TypeAlias
@@ -17,6 +17,7 @@ from mbd_sim.compiler.ir.dense_solver import where_coupled
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
 from mbd_sim.compiler.rows.islands import MANY
+from mbd_sim.compiler.rows.pooled_rows import TWIST, PooledRows
 from mbd_sim.compiler.rows.shared_rows import ActiveRows
 
 
@@ -111,9 +112,12 @@ class _SparseRows:
 
 
 class _Tables:
-    """The tables of a factor in a module."""
+    """The tables of a factor in a module, and the coefficients of its rows of pools."""
 
-    def __init__(self, module: Module, name: str, factor: RowFactor) -> None:
+    def __init__(
+        self, module: Module, name: str, factor: RowFactor, pooled: PooledRows | None, coefficients: Sequence[Value]
+    ) -> None:
+        """:param coefficients: those of pools, and the blocks of their slots."""
         first, places, flat, begins = list[int](), list[int](), list[int](), [0]
         for block in factor.blocks:
             first.append(len(places))
@@ -128,7 +132,15 @@ class _Tables:
             for label, numbers in (("places", places), ("terms", flat), ("begins", begins), ("blocks", shapes))
         )
         self.most = max((len(block.places) for block in factor.blocks), default=1)
-        self.factor = factor
+        self.factor, self.parts = factor, 0 if pooled is None else pooled.parts
+        self.of_pools: tuple[Value, Value, Value] | None = None
+        if pooled is not None:
+            numbers = [-1] * (2 * len(factor.terms))  # of each row its number among those of pools, and its slot
+            in_pools = [(row, slot) for slot, rows in enumerate(pooled.slots) for row in rows]
+            for index, (row, slot) in enumerate(in_pools):
+                numbers[2 * row : 2 * row + 2] = index, slot
+            own, slots = coefficients
+            self.of_pools = module.table(f"{name}.in_pools", numbers), own, slots
 
 
 def _entry(b: IRBuilder, table: Value, index: Value) -> Value:
@@ -142,10 +154,7 @@ def _column(
     factor = tables.factor
     loop(b, 0, factor.size, lambda i: store(b, number(0.0), column, i))
 
-    def add_term(term: Value) -> None:
-        two = b.mul(term, integer(2))
-        block = b.mul(_entry(b, tables.terms, two), integer(4))
-        weights = element(b, coefficients, _entry(b, tables.terms, b.add(two, integer(1))))
+    def add_block(block: Value, weights: Value) -> None:
         count, columns, start, at = (_entry(b, tables.blocks, b.add(block, integer(k))) for k in range(4))
         loop(b, 0, count, lambda i: store(b, number(0.0), part, i))
 
@@ -164,30 +173,54 @@ def _column(
         loop(b, 0, columns, add_column)
         loop(b, 0, count, scatter)
 
+    def add_term(term: Value) -> None:
+        two = b.mul(term, integer(2))
+        block = b.mul(_entry(b, tables.terms, two), integer(4))
+        add_block(block, element(b, coefficients, _entry(b, tables.terms, b.add(two, integer(1)))))
+
     loop(b, _entry(b, tables.begins, row), _entry(b, tables.begins, b.add(row, integer(1))), add_term)
+    if tables.of_pools is None:
+        return
+    (in_pools, own, blocks), two = tables.of_pools, b.mul(row, integer(2))
+    index, slot = _entry(b, in_pools, two), _entry(b, in_pools, b.add(two, integer(1)))
+
+    def add_end(end: Value) -> None:
+        block = _entry(b, blocks, b.add(b.mul(slot, integer(2)), end))
+        with b.if_then(b.icmp_signed("<", block, integer(tables.parts))):  # not ground
+            first = b.add(b.mul(index, integer(2 * TWIST)), b.mul(end, integer(TWIST)))
+            add_block(b.mul(block, integer(4)), element(b, own, first))
+
+    with b.if_then(b.icmp_signed(">=", index, integer(0))):
+        loop(b, 0, 2, add_end)
 
 
-def emit_product(module: Module, name: str, factors: Factors, active: ActiveRows | None) -> Function:
+def emit_product(
+    module: Module, name: str, factors: Factors, active: ActiveRows | None, pooled: PooledRows | None = None
+) -> Function:
     """Emit `void name(inputs, left, right, matrix, mobility)`, if it is not there yet.
 
+    With `pooled` rows their left and right coefficients follow, and the blocks of their slots.
+
     Of the matrix (rows, rows) those entries are computed whose row and column are active, closed or have a given force;
-    without `active` all of them. The `mobility` (rows,) is the diagonal without friction, for rows of friction that
-    slide: those with a direction, whose number follows those of the active rows.
+    without `active` all of them, but for slots of pools that are not in use. The `mobility` (rows,) is the diagonal
+    without friction, for rows of friction that slide: those with a direction, whose number follows those of the active
+    rows.
     """
     if (known := module.functions.get(name)) is not None:
         return known
     n, size = len(factors[0].terms), factors[0].size
-    function = Function(module, FunctionType(VOID, [POINTER] * 5), name)
-    function.linkage, function.attributes, function.noalias = "internal", ["noinline"], True
-    inputs, left, right, matrix, mobility = function.args
+    function = Function(module, FunctionType(VOID, [POINTER] * (5 if pooled is None else 8)), name)
+    function.linkage, function.attributes, function.noalias = "internal", ["noinline"], pooled is None
+    inputs, left, right, matrix, mobility, *of_pools = function.args
     b = IRBuilder(function.append_basic_block("entry"))
     by_left, by_right = (
-        _Tables(module, f"{name}.{side}", one) for side, one in zip(("left", "right"), factors, strict=True)
+        _Tables(module, f"{name}.{side}", one, pooled, [of_pools[index], of_pools[2]] if of_pools else [])
+        for index, (side, one) in enumerate(zip(("left", "right"), factors, strict=True))
     )
     own, other, part = (local_array(b, max(count, 1)) for count in (size, size, max(by_left.most, by_right.most)))
     total = local_array(b, n)
     by_row, by_column = (element(b, each, factors[0].starts[-1]) for each in (left, right))
-    chosen, count = _chosen(b, n, inputs, active)
+    chosen, count = _chosen(b, n, inputs, active, partial(_is_needed, b, by_left))
     entries = _SparseRows(b, n, size) if n >= MANY else _DenseRows(b, n, size, count)
 
     def gather(i: Value) -> None:
@@ -240,13 +273,31 @@ def _is_set(b: IRBuilder, inputs: Value, first: int, index: Value) -> Value:
     return b.fcmp_unordered("!=", load(b, inputs, b.add(index, integer(first))), number(0.0))
 
 
-def _chosen(b: IRBuilder, n: int, inputs: Value, active: ActiveRows | None) -> tuple[Callable[[Value], Value], Value]:
-    """The rows that are needed, see `emit_product`, and their number."""
+def _is_needed(b: IRBuilder, tables: _Tables, row: Value) -> Value:
+    """Whether a row is not that of a slot of a pool that is not in use."""
+    if tables.of_pools is None:
+        return TRUE
+    (in_pools, _, blocks), two = tables.of_pools, b.mul(row, integer(2))
+    slot = b.add(two, integer(1))
+    first = b.mul(_entry(b, in_pools, slot), integer(2))
+    is_own = b.icmp_signed("<", first, integer(0))
+    place = b.select(is_own, integer(0), first)
+    moves = [b.icmp_signed("<", _entry(b, blocks, b.add(place, integer(end))), integer(tables.parts)) for end in (0, 1)]
+    return b.or_(is_own, b.or_(*moves))
+
+
+def _chosen(
+    b: IRBuilder, n: int, inputs: Value, active: ActiveRows | None, is_needed: Callable[[Value], Value]
+) -> tuple[Callable[[Value], Value], Value]:
+    """The rows that are needed, see `emit_product`, and their number.
+
+    :param is_needed: of those without masks.
+    """
     chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
     b.store(integer(0), count)
 
     def choose(i: Value, masks: tuple[int, ...]) -> None:
-        found, needed = b.load(count, typ=INT), FALSE if masks else TRUE
+        found, needed = b.load(count, typ=INT), FALSE if masks else is_needed(i)
         b.store(i, b.gep(chosen, found, INT))
         for first in masks:
             needed = b.or_(needed, _is_set(b, inputs, first, i))

@@ -22,6 +22,7 @@ from mbd_sim.compiler.lists.packed_lowering import lower_packed
 from mbd_sim.compiler.lists.packing import packed
 from mbd_sim.compiler.lists.repeated_lowering import lower_repeated
 from mbd_sim.compiler.lists.schedule import arranged
+from mbd_sim.compiler.rows.pooled_rows import PooledCalls
 from mbd_sim.compiler.rows.row_factors import Factors, emit_product
 from mbd_sim.compiler.rows.shared_rows import ActiveRows, emit_active_solver
 from mbd_sim.compiler.rows.slot_values import SlotSystem, emit_slot_values
@@ -49,7 +50,8 @@ class FactoredSystem:
     """`function(t, y, inputs, slots)` gives a memory, a matrix (n, n) or numbers of its `factors`, and right sides.
 
     With factors L and R the matrix is Lᵀ R; without, the output for R is empty. The right sides (n, ·) follow one
-    another. Loads and a margin may follow.
+    another. Loads and a margin may follow. With pooled rows, the last two outputs are how their forces follow from the
+    solution, and the rates of the parts: see `mbd_sim.dynamics.one_sided_functions.SolvedPair`.
     """
 
     function: ca.Function
@@ -79,14 +81,11 @@ def emit_solved(
     """
     has_loads = bool(loads)
     function_of_state, n = system.function, active.rows
-    has_margin = function_of_state.n_out() > 4 + has_loads
+    pooled, last = slots.pooled, function_of_state.n_out() - (0 if slots.pooled is None else 2)
+    has_margin = last > 4 + has_loads
     columns = function_of_state.nnz_out(3) // max(n, 1)
 
-    def emitted(called: ca.Function) -> Function:
-        known = module.functions.get(called.name())
-        return lower_repeated(module, arranged(called, fused=fused), inline=False) if known is None else known
-
-    emitted_system, *emitted_results = map(emitted, (function_of_state, *results))
+    emitted_system, *emitted_results = (_lowered(module, each, fused=fused) for each in (function_of_state, *results))
     solve = emit_active_solver(module, f"{name}.solve", active, columns, adds_given=adds_given, watches=watches)
     function = Function(module, FunctionType(VOID, [POINTER] * (3 + len(results) + reports_margin)), name)
     function.linkage = "internal"
@@ -100,21 +99,38 @@ def emit_solved(
     numbers = [local_array(b, function_of_state.nnz_out(4))] if has_loads else []
     if has_margin and not margin:
         margin = [local_array(b, 1)]
-    if slots.slots:
+    of_pools = [local_array(b, function_of_state.nnz_out(index)) for index in range(last, function_of_state.n_out())]
+    calls = None if pooled is None else PooledCalls(b, pooled)
+    if slots.has_values:
         b.call(emit_slot_values(module, slots), [t, y, inputs, values])
-    b.call(emitted_system, [t, y, inputs, values, memory, left, factor, right, *numbers, *margin])
+    b.call(emitted_system, [t, y, inputs, values, memory, left, factor, right, *numbers, *margin, *of_pools])
+    if calls is not None:
+        calls.begin(inputs, values, function_of_state, of_pools, right)
     if system.factors is not None:
-        product = emit_product(module, f"{function_of_state.name()}.product", system.factors, active)
-        b.call(product, [inputs, left, factor, matrix, element(b, values, slots.size - n)])
-    arguments = [inputs, matrix, right, solution]
-    if has_loads:
-        _emit_loaded(b, n, loads, solve, arguments, numbers[0])
-    else:
-        b.call(solve, arguments)
+        product = emit_product(module, f"{function_of_state.name()}.product", system.factors, active, pooled)
+        more = [] if calls is None else calls.coefficients.all
+        b.call(product, [inputs, left, factor, matrix, element(b, values, slots.size - n), *more])
+    _emit_solution(b, n, loads, solve, [inputs, matrix, right, solution], numbers)
+    if calls is not None:
+        calls.end(solution, n, columns, values)
     for result, into in zip(emitted_results, out, strict=True):
         b.call(result, [memory, solution, values, into])
     b.ret_void()
     return function
+
+
+def _lowered(module: Module, called: ca.Function, *, fused: bool) -> Function:
+    known = module.functions.get(called.name())
+    return lower_repeated(module, arranged(called, fused=fused), inline=False) if known is None else known
+
+
+def _emit_solution(
+    b: IRBuilder, n: int, loads: Sequence[Load], solve: Function, arguments: list[Value], numbers: Sequence[Value]
+) -> None:
+    if loads:
+        _emit_loaded(b, n, loads, solve, arguments, numbers[0])
+    else:
+        b.call(solve, arguments)
 
 
 def _emit_loaded(
@@ -194,8 +210,18 @@ def emit_event_readers(module: Module, one_sided: OneSidedSystem, attributes: Se
         values = []
         if takes_slots:
             values = [local_array(b, one_sided.slots.size)]
+            calls = None if one_sided.slots.pooled is None else PooledCalls(b, one_sided.slots.pooled)
             b.call(slots, [*given[:3], *values])
+            if calls is not None and len(given) > 3:
+                calls.fill(given[2], values[0])
+                calls.end(given[3], one_sided.rows, 1, values[0])
         b.call(lowered, [*given, *values, out])
+        b.ret_void()
+    if one_sided.slots.pooled is not None:
+        counts["slot_values"] = 3
+        exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_slot_values")
+        b = IRBuilder(exported.append_basic_block("entry"))
+        b.call(slots, exported.args)
         b.ret_void()
     return counts
 
@@ -208,11 +234,17 @@ def _emit_terms(module: Module, one_sided: OneSidedSystem, slots: Function, attr
     b = IRBuilder(exported.append_basic_block("entry"))
     t, y, inputs, out = exported.args
     left, factor = (local_array(b, terms.function.nnz_out(index)) for index in range(2))
-    values, rest = local_array(b, one_sided.slots.size), element(b, out, n * n)
+    values, rest, pooled = local_array(b, one_sided.slots.size), element(b, out, n * n), one_sided.slots.pooled
+    of_pools = [local_array(b, terms.function.nnz_out(index)) for index in range(3, terms.function.n_out())]
+    calls = None if pooled is None else PooledCalls(b, pooled)
     b.call(slots, [t, y, inputs, values])
-    b.call(lowered, [t, y, inputs, values, out if terms.factors is None else left, factor, rest])
+    b.call(lowered, [t, y, inputs, values, out if terms.factors is None else left, factor, rest, *of_pools])
+    if calls is not None:
+        calls.fill(inputs, values)
+        calls.gather(of_pools[1], 1.0, rest)
     if terms.factors is not None:
-        b.call(emit_product(module, "whole_product", terms.factors, None), [inputs, left, factor, out, values])
+        product = emit_product(module, "whole_product", terms.factors, None, pooled)
+        b.call(product, [inputs, left, factor, out, values, *([] if calls is None else calls.coefficients.all)])
     b.ret_void()
 
 

@@ -19,6 +19,7 @@ from mbd_sim.dynamics.constraints.start import given_start, later_times
 from mbd_sim.dynamics.contact.one_sided_rows import Gap, one_sided_rows, placed_forces
 from mbd_sim.dynamics.contact.planar.plane import places_along, plane_normal, still_axis, trial_poses, with_circles
 from mbd_sim.dynamics.contact.rows.combined_rows import CombinedRows, combined_rows
+from mbd_sim.dynamics.contact.rows.pools import MOST_ROWS
 from mbd_sim.dynamics.contact.rows.slots import PartMotions, Slot, Slots, written_slot
 from mbd_sim.dynamics.kinematics.poses import BodySymbols
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
@@ -33,7 +34,6 @@ UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding
 HELD = 1.0 - 2e-11  # length of the direction of friction that is at its limit at rest
 RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
-MOST_ROWS = 1200  # of slots, of gaps and friction together
 SLOW = 1e-12  # of the natural speed, slip below which the direction of sliding is the stored one
 
 
@@ -49,13 +49,17 @@ class OneSidedLayout:
     that friction at its limits has locked in; where joints with loads slide, the forces at the last event. Functions
     that read forces take all λ from there.
     `signs` (loads,) are those of the forces across the axes of joints whose friction depends on them, where these
-    forces have one direction only. `features` are the numbers of the slots, see `feature_rows`.
+    forces have one direction only. `features` are the numbers of the slots, see `feature_rows`. `holders` (pooled,) are
+    the numbers of the pairs to which the slots of pools belong, and `wrenches` (6 parts,) what the forces `given` to
+    their rows exert on the parts of slots, in ground's axes, for functions that do not know these rows.
     """
 
     gaps: int
     rows: int
     loads: int = 0
     feature_count: int = 0
+    pooled: int = 0
+    parts: int = 0
 
     @property
     def closed(self) -> slice:
@@ -85,12 +89,22 @@ class OneSidedLayout:
     @property
     def features(self) -> slice:
         """Of all slots, one after the other."""
-        return slice(self.given.stop, self.size)
+        return slice(self.given.stop, self.given.stop + self.feature_count)
+
+    @property
+    def holders(self) -> slice:
+        """Of the slots of all pools."""
+        return slice(self.features.stop, self.features.stop + self.pooled)
+
+    @property
+    def wrenches(self) -> slice:
+        """Of the parts, if there are pools."""
+        return slice(self.holders.stop, self.holders.stop + 6 * self.parts)
 
     @property
     def size(self) -> int:
         """The number of all of them."""
-        return 3 * self.rows + self.loads + self.feature_count
+        return 3 * self.rows + self.loads + self.feature_count + self.pooled + 6 * self.parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,13 +251,14 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     plain = [row for row in range(len(rows)) if row not in in_slots]
     equations = equations_of_rows(traced, bodies, time, [rows[row] for row in plain])
     unable = {plain[place] for place in _unable_to_act(traced, equations, len(gaps) - len(slots), len(sticking))}
-    unable |= {own[index][place] for index, idle in _of_each(slots, partial(_idle, motions)) for place in idle}
+    of_pairs = {index: slot for index, slot in slots.items() if slot.pool is None}
+    unable |= {own[index][place] for index, idle in _of_each(of_pairs, partial(_idle, motions)) for place in idle}
     unable |= {row for index in own if index in unable for row in own[index]}
     if still is None:
         gradients = dict(zip(plain, ca.vertsplit(equations.gradient), strict=True))
-        for index, of_rows in _of_each(slots, partial(_gradients_somewhere, motions)):
+        for index, of_rows in _of_each(of_pairs, partial(_gradients_somewhere, motions)):
             gradients |= dict(zip(own[index], of_rows, strict=True))
-        slip_rows = [row for index in own for row in own[index][1:] if row not in unable]
+        slip_rows = [row for index in own for row in own[index][1:] if row not in unable and row in gradients]
         unable |= _never_moved(traced, equations, {row: gradients[row] for row in slip_rows})
     kept = [row for row in range(len(rows)) if row not in unable]
     new_index = {row: index for index, row in enumerate(kept)}
@@ -254,23 +269,37 @@ def one_sided_equations(traced: TracedMechanism) -> OneSidedEquations:
     places = {index: [place for place, row in enumerate(own[index]) if row in new_index] for index in slots}
     slots = {index: slot.select(places[index]) for index, slot in slots.items() if index in new_index}
     gaps = [gap for index, gap in enumerate(gaps) if index in new_index]
-    numbers = [gap.numbers for gap in gaps if gap.numbers is not None]
-    loads = sum(element.joint is not None for element in frictions)
-    layout = OneSidedLayout(len(gaps), len(kept), loads, sum(each.shape[0] for each in numbers))
-    inputs = ca.vertcat(ca.SX.sym("contact", layout.features.start), *numbers)
+    layout, inputs = _contact_inputs(gaps, len(kept), sum(one.joint is not None for one in frictions), motions)
     remaining = [place for place, row in enumerate(plain) if row in new_index]
     combined = combined_rows(
         equations.select(remaining),
         [new_index[plain[place]] for place in remaining],
-        Slots(motions, [*slots.values()], time, units.length),
+        Slots(motions, [*slots.values()], time, units.length, _places_of_parts(motions)),
         [[new_index[row] for row in own[index] if row in new_index] for index in slots],
         [rows[row] for row in kept],
     )
-    placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
+    placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None and gap.pool is None]
     in_state = expressed_in_state(traced, bodies, time)
     points = placed_forces(placed, combined.equations.rows, inputs[layout.given], in_state)
     are_lengths = tuple(_is_length(traced.numeric, measured[row]) for row in kept)  # slip as the gap that presses
     return OneSidedEquations(tuple(gaps), tuple(frictions), combined, layout, inputs, points, units, are_lengths)
+
+
+def _contact_inputs(
+    gaps: Sequence[Gap], rows: int, loads: int, motions: PartMotions
+) -> tuple[OneSidedLayout, ca.SX]:  # fmt: skip
+    """The layout of the contact inputs, and their symbols."""
+    numbers = [gap.numbers for gap in gaps if gap.numbers is not None]
+    pooled = sum(gap.pool is not None for gap in gaps)
+    parts = len(motions.links) if pooled else 0
+    layout = OneSidedLayout(len(gaps), rows, loads, sum(each.shape[0] for each in numbers), pooled, parts)
+    of_pools = ca.SX.sym("pools", layout.size - layout.features.stop)
+    return layout, ca.vertcat(ca.SX.sym("contact", layout.features.start), *numbers, of_pools)
+
+
+def _places_of_parts(motions: PartMotions) -> dict[str, int]:
+    """The indices of parts among the motions."""
+    return {motions.traced.links[link].joint.outboard: index for index, link in enumerate(motions.links)}
 
 
 def _frictions(gaps: Sequence[Gap], rows: Mapping[int, Sequence[int]]) -> list[FrictionElement]:
@@ -292,25 +321,21 @@ def _written_slots(
     gaps: Sequence[Gap],
 ) -> tuple[PartMotions, dict[int, Slot]]:
     """The slots by the indices of their `gaps`, which have these `rows`, and the motions of their parts."""
-    links = {
-        index: bodies.moving(gap.contact.first.at.part, gap.contact.second.at.part)
-        for index, gap in enumerate(gaps)
-        if gap.numbers is not None and gap.contact is not None
-    }
-    axes = {gap.contact.still for gap in gaps if gap.numbers is not None and gap.contact is not None}
-    moving = tuple(sorted({link for own in links.values() for link in own}))
+    slotted = {index: gap.contact for index, gap in enumerate(gaps) if gap.numbers is not None and gap.contact}
+    links = {index: bodies.moving(contact.first.at.part, contact.second.at.part) for index, contact in slotted.items()}
+    axes = {contact.still for contact in slotted.values()}
+    pools = dict.fromkeys(gap.pool for gap in gaps if gap.pool is not None)
+    of_pools = {link for pool in pools for link in bodies.moving(*pool.parts)}
+    moving = tuple(sorted({link for own in links.values() for link in own} | of_pools))
     motions = PartMotions(traced, moving, axes.pop() if len(axes) == 1 else None)
     found, first = dict[int, Slot](), dict[int, Slot]()
-    for index, own in links.items():
-        numbers, parts, contact = (
-            gaps[index].numbers,
-            [motions.links.index(link) for link in own],
-            id(gaps[index].contact),
-        )
-        assert numbers is not None
-        if contact not in first:
-            first[contact] = written_slot(index, rows[index], numbers, parts, motions, bodies, time)
-        found[index] = replace(first[contact], numbers=numbers)
+    for index, contact in slotted.items():
+        numbers, parts, gap = gaps[index].numbers, [motions.links.index(link) for link in links[index]], gaps[index]
+        assert numbers is not None and gap.place is not None
+        if id(contact) not in first:
+            place = None if gap.pool is None else gap.place.in_one_vector
+            first[id(contact)] = written_slot(index, rows[index], numbers, parts, motions, bodies, time, place)
+        found[index] = replace(first[id(contact)], numbers=numbers, pool=gap.pool)
     return motions, found
 
 
@@ -331,10 +356,13 @@ def _idle(motions: PartMotions, slot: Slot) -> list[int]:
 
 
 def _require_few_slots(mechanism: Mechanism, gaps: Sequence[Gap]) -> None:
-    """Refuse what would take minutes to compile: the rows of all slots are solved for together."""
+    """Refuse what would take minutes to compile: the rows of all slots are solved for together.
+
+    Those of pools, which are bounded, do not count.
+    """
     own: dict[str, int] = {}
     for gap in gaps:
-        if gap.contact is not None:
+        if gap.contact is not None and gap.pool is None:
             own[gap.contact.name] = own.get(gap.contact.name, 0) + 1 + len(gap.slip)
     if (total := sum(own.values())) <= MOST_ROWS:
         return

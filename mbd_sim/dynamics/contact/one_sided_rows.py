@@ -25,6 +25,7 @@ from mbd_sim.dynamics.contact.cluster_rows import cluster_touch
 from mbd_sim.dynamics.contact.feature_rows import SLOT_SIZE, slot_touch
 from mbd_sim.dynamics.contact.outline_rows import outline_touch
 from mbd_sim.dynamics.contact.planar.planar_solids import between_outlines, in_plane
+from mbd_sim.dynamics.contact.rows.pools import SlotPool, pooled
 from mbd_sim.dynamics.contact.shapes import Touch, touch, with_rim_points, with_slip_in_plane, without_repeated
 from mbd_sim.dynamics.contact.smooth_rows import SMOOTH_SIZE, smooth_touch
 from mbd_sim.dynamics.kinematics.links import Link
@@ -106,6 +107,11 @@ class ContactPlace:
     normal: ca.SX
     sides: tuple[ca.SX, ...] = ()
 
+    @property
+    def in_one_vector(self) -> ca.SX:
+        """All in (12,), with two sides."""
+        return ca.vertcat(self.point, self.normal, *self.sides)
+
     def with_numbers(self, old: ca.SX, new: ca.SX) -> ContactPlace:
         """The place with other symbols for the numbers of a slot."""
         point, normal, *sides = ca.substitute([self.point, self.normal, *self.sides], [old], [new])
@@ -142,6 +148,7 @@ class Gap:
     `slip` are up to two rows whose rates are the slip velocities at the contact. Stops, plays and clutches have
     no `place`. `bodies` are the names of the two shapes of a contact, for people. The geometry of a slot of a
     `contact` depends on its `numbers`, see `feature_rows`. Rows of all its slots are written with those of the first.
+    Slots of a `pool` are written as those of its example.
     """
 
     row: ConstraintRow
@@ -152,6 +159,7 @@ class Gap:
     bodies: tuple[str, str] | None = None
     contact: Contact | None = None
     numbers: ca.SX | None = None
+    pool: SlotPool | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +208,9 @@ def one_sided_rows(
             frictions.append(_friction_clutch(constraint, writer, t))
         elif is_one_sided(constraint):
             gaps += _gaps_of(constraint, writer)
-    rigid = [contact for contact in mechanism.contacts if contact.rigid]
+    rigid, pools = [contact for contact in mechanism.contacts if contact.rigid], list[SlotPool]()
+    if still is None:
+        rigid, pools = pooled(rigid, mechanism)
     for contact in without_repeated(rigid, still):
         try:
             shadows = between_outlines(contact, rotations)
@@ -216,6 +226,8 @@ def one_sided_rows(
             gaps += _slots(moving, bodies, length, across if moving.still is None else None)
         else:
             gaps += [_shape_gap(each, bodies, still, across) for each in with_rim_points(contact, still)]
+    for pool in pools:
+        gaps += _slots_of_pool(pool, bodies, length)
     return gaps, frictions
 
 
@@ -245,6 +257,24 @@ def _slots(contact: Contact, bodies: BodySymbols, length: float, across: Array |
             place=gap.place if slot == 1 else gap.place.with_numbers(numbers, own),
             contact=contact,
             numbers=own,
+        )
+
+
+def _slots_of_pool(pool: SlotPool, bodies: BodySymbols, length: float) -> Iterator[Gap]:
+    """The gaps of a pool, whose bodies and places are not known before the slots are in use."""
+    numbers = ca.SX.sym("features", SLOT_SIZE)
+    touching = slot_touch(numbers, *_frames(pool.example, bodies), length, None)
+    gap = _gap_of(pool.example, touching, bodies)
+    for slot in range(1, pool.slots + 1):
+        slips = (dataclasses.replace(row, quantity=f"{slot} slip {number}") for number, row in enumerate(gap.slip, 1))
+        yield dataclasses.replace(
+            gap,
+            row=dataclasses.replace(gap.row, quantity=str(slot)),
+            slip=tuple(slips),
+            bodies=None,
+            contact=pool.example,
+            numbers=numbers if slot == 1 else ca.SX.sym("features", SLOT_SIZE),
+            pool=pool,
         )
 
 

@@ -278,7 +278,8 @@ class Candidates:
     def _modes(self, forces: Array, rates: Array, size: Array, before: Array) -> Array:
         model, layout = self._model, self._model.layout
         modes = np.zeros(layout.size)
-        modes[layout.signs], modes[layout.features] = before[layout.signs], before[layout.features]
+        for kept in (layout.signs, layout.features, layout.holders):
+            modes[kept] = before[kept]
         closed = [gap for gap in self._closable if forces[gap] > 0.0 or abs(rates[gap]) <= size[gap]]
         closed += self._supported(closed, rates, size)
         modes[closed] = 1.0

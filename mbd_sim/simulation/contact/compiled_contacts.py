@@ -101,7 +101,6 @@ class CompiledContacts:
             slow=model.slow,
             first_mode=model.span.start,
             modes=layout.size,
-            first_feature=layout.features.start,
             first_speed=coordinates.nq,
             speeds=coordinates.nv,
             first_loss=first_loss,
@@ -110,7 +109,7 @@ class CompiledContacts:
             **_units(model),
             **_friction(model),
             clutches=model.clutches.astype(np.int64),
-            slots=model.slots.astype(np.int64),
+            **_slots(model),
         )
         self.observe(False)
 
@@ -124,15 +123,20 @@ class CompiledContacts:
                 "poses_take_inputs": False,
                 "body_pairs": 0,
                 "bodies": np.zeros(0, dtype=np.int64),
+                "lacking": np.zeros(1, dtype=np.int64),
+                **_travels(0, np.zeros(0)),
                 "accuracy": 0.0,
             }
-        self._pairs = features.compiled(self._failures)
+        lacking = np.zeros(1, dtype=np.int64)
+        self._pairs = features.compiled(self._failures, lacking)
         return {
             "places": features.places,
             "poses": self._kernel.reader_address("poses"),
             "poses_take_inputs": self._kernel.reads_inputs["poses"],
             "body_pairs": len(self._pairs),
             "bodies": np.concatenate([packed(pair) for pair, _ in self._pairs]),
+            "lacking": lacking,
+            **_travels(features.places, features.reaches),
             "accuracy": features.tolerance,
         }
 
@@ -230,6 +234,7 @@ class CompiledContacts:
         if self._failures:
             error = self._failures[0]
             self._failures.clear()
+            self._contacts.lacking[0] = 0
             raise error
 
     def events(self) -> list[ContactEvent | EnergiesAtImpacts]:
@@ -243,8 +248,12 @@ class CompiledContacts:
             elif change == step.BOUND:
                 found.append(ContactEvent(time, "contacts", CHANGES[change]))
             else:
+                pair, element = divmod(int(index), step.OF_PAIR)
                 is_friction = change in (step.STICKS, step.SLIDES)
-                name = model.friction_name(int(index)) if is_friction else model.names[int(index)]
+                gap = model.frictions[element][1] if is_friction else element
+                name = model.friction_name(element) if is_friction else model.names[element]
+                if pair and gap is not None:
+                    name = model.name_of_pair(gap, pair - 1)
                 found.append(ContactEvent(time, name, CHANGES[change], *numbers))
         return found
 
@@ -285,6 +294,28 @@ def _stepping(model: OneSidedModel, kernel: Kernel, layout: CoordinateLayout) ->
         np.array([(q.start, q.stop, u.start, u.stop) for q, u in places], dtype=np.int64).ravel(),
         model.compliance,
     )
+
+
+def _travels(places: int, reaches: Array) -> dict[str, Any]:
+    """The memory among the fields of `Contacts`."""
+    return {
+        "held_slots": np.zeros(1, dtype=np.int64),
+        "reaches": reaches,
+        "latest": np.zeros(places),
+        "stepped": np.zeros(len(reaches)),
+        "travelled": np.zeros(len(reaches)),
+    }
+
+
+def _slots(model: OneSidedModel) -> dict[str, Any]:
+    """The fields of `Contacts` for slots."""
+    layout = model.layout
+    return {
+        "slots": model.slots.astype(np.int64),
+        "first_feature": layout.features.start,
+        "first_pooled": layout.gaps - layout.pooled,
+        "first_holder": layout.holders.start,
+    }
 
 
 def _units(model: OneSidedModel) -> dict[str, Any]:

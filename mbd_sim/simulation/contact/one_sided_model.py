@@ -20,6 +20,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.python.bound_kernel import Kernel
+from mbd_sim.compiler.rows.pooled_rows import TWIST, CompiledPool, PooledRows
 from mbd_sim.compiler.rows.slot_values import CompiledSlot, SlotSystem
 from mbd_sim.compiler.steps.active_rows import FactoredSystem, Load, OneSidedSystem
 from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
@@ -27,7 +28,9 @@ from mbd_sim.dynamics.contact.rows.slots import MOTION
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
+from mbd_sim.mechanism.elements.contacts import Contact
 from mbd_sim.simulation.contact.features.pairs import FeaturePairs
+from mbd_sim.simulation.contact.features.pools import PoolReadings
 from mbd_sim.simulation.contact.records import ContactState, with_friction
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -84,7 +87,7 @@ class OneSidedModel:
     that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
     `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,). `loaded` are
     the indices of the friction elements that depend on the load of a joint, which have some `load_components`.
-    `slots` (gaps,) says which gaps are slots; these belong to the pairs of `features`.
+    `slots` (gaps,) says which gaps are slots; these belong to the pairs of `features`. Some may belong to `pools`.
     """
 
     __repr__ = short_repr
@@ -127,6 +130,7 @@ class OneSidedModel:
         if np.any(self.slots):
             features, accuracy = self.span.start + self.layout.features.start, tolerance * one_sided.units.length
             self.features = FeaturePairs(one_sided, features, kernel, part_names, accuracy)
+        self.pools = PoolReadings(functions) if functions.slots.pools else None
         self.load_components = functions.load_components
         self._single = [number for number, components in enumerate(self.load_components) if components == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
@@ -153,6 +157,26 @@ class OneSidedModel:
                 found.append(index)
         return found
 
+    def name_in(self, modes: Array, gap: int) -> str:
+        """The name of a gap; of one of a pool, that of the pair which has it in some modes."""
+        if gap < self.layout.gaps - self.layout.pooled:
+            return self.names[gap]
+        return self.name_of_pair(gap, self._holder(modes, gap))
+
+    def name_of_pair(self, gap: int, number: int) -> str:
+        """The name of a pair of the pool to which a gap belongs."""
+        pair = self._pair(gap, number)
+        return f"{pair.name}.{_in_names(pair.quantity)}"
+
+    def _pair(self, gap: int, number: int) -> Contact:
+        pool = self._functions.equations.gaps[gap].pool
+        assert pool is not None
+        return pool.pairs[number]
+
+    def _holder(self, modes: Array, gap: int) -> int:
+        """The number of the pair that has a gap of a pool."""
+        return int(modes[self.layout.holders.start + gap - (self.layout.gaps - self.layout.pooled)])
+
     def friction_name(self, element: int) -> str:
         """The name of a friction element: that of its gap, if it has one."""
         rows, gap = self.frictions[element]
@@ -172,9 +196,22 @@ class OneSidedModel:
 
     def with_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """A copy of the inputs with the forces λ of all rows."""
-        filled = inputs.copy()
-        filled[self.span][self.layout.given] = self.readings(time, y, inputs).forces
+        filled, forces = inputs.copy(), self.readings(time, y, inputs).forces
+        modes = filled[self.span]
+        modes[self.layout.given] = forces
+        if self.pools is not None:
+            modes[self.layout.wrenches] = self.pools.wrenches(self._slot_values(time, y, inputs), modes, forces)
         return filled
+
+    def _slot_values(self, time: float, y: Array, inputs: Array) -> Array:
+        return self._read("slot_values", self._functions.slots.size, np.array([time]), y, inputs)
+
+    def places_of_pools(self, time: float, y: Array, inputs: Array) -> Array:
+        """The points in m, the forces in N and the normals (pooled, 3, 3) of the gaps of pools, in ground's frame."""
+        if self.pools is None:
+            return np.empty((0, 3, 3))
+        forces = self.readings(time, y, inputs).forces
+        return self.pools.places(self._slot_values(time, y, inputs), self.modes(inputs), forces)
 
     def states(self, time: float, y: Array, inputs: Array, places: Array | None = None) -> dict[str, ContactState]:
         """Each gap and each friction element without one, by name.
@@ -190,15 +227,19 @@ class OneSidedModel:
             rows = list(self.frictions[element][0])
             return "slides" if element in sliding else "sticks", read.forces[rows], read.rates[rows]
 
+        first_pooled = self.layout.gaps - self.layout.pooled
         apart = {} if self.features is None else self.features.distances(time, y, inputs)
         found: dict[str, ContactState] = {}
         for gap, name in enumerate(self.names):
             how, forces, slip = state(friction[gap]) if gap in friction else ("closed", np.zeros(0), np.zeros(0))
             how = how if modes[gap] else "open"
             is_open_slot = gap in apart and not modes[gap]
-            place = () if is_open_slot else placed.get(gap, ())
+            point, force, direction = (None,) * 3 if is_open_slot else placed.get(gap, (None,) * 3)
+            bodies = None if is_open_slot or gap < first_pooled else self._pair(gap, self._holder(modes, gap)).names
             size = apart[gap] if is_open_slot else read.gaps[gap]
-            found[name] = ContactState(how, size, read.rates[gap], read.forces[gap], forces, slip, *place)
+            found[name] = ContactState(
+                how, size, read.rates[gap], read.forces[gap], forces, slip, point, force, direction, bodies
+            )
         for index, (rows, load) in enumerate(self.frictions):
             if load is None:
                 how, forces, slip = state(index)
@@ -264,7 +305,7 @@ class OneSidedModel:
         return self._read("restitution", self.layout.gaps, inputs)
 
     def _read(self, name: str, size: int, *arguments: Array) -> Array:
-        out = np.empty(size)
+        out = np.zeros(size)  # what slots of pools that are not in use would be is not written
         self._readers[name](*(argument.ctypes.data for argument in arguments), out.ctypes.data)
         return out
 
@@ -282,9 +323,12 @@ def _row_names(one_sided: OneSidedEquations) -> tuple[str, ...]:
     names = []
     for index, row in enumerate(rows):
         several = owners.count(row.owner) > 1 or (index >= one_sided.layout.gaps and row.owner[0] == "joints")
-        quantity = row.quantity.replace(" ", "_").replace(",", "")
-        names.append(f"{row.owner[1]}.{quantity}" if several else str(row.owner[1]))
+        names.append(f"{row.owner[1]}.{_in_names(row.quantity)}" if several else str(row.owner[1]))
     return tuple(names)
+
+
+def _in_names(quantity: str) -> str:
+    return quantity.replace(" ", "_").replace(",", "")
 
 
 def address(array: NDArray[Any]) -> int:
@@ -356,4 +400,17 @@ def _slot_system(functions: OneSidedFunctions) -> SlotSystem:
         )
         for call in slots.calls
     ]
-    return SlotSystem(slots.motions, calls, slots.size, slots.unused)
+    return SlotSystem(slots.motions, calls, slots.size, slots.unused, _pooled_rows(functions))
+
+
+def _pooled_rows(functions: OneSidedFunctions) -> PooledRows | None:
+    """The rows of the pools, if there are any."""
+    slots, layout, pools, first = functions.slots, functions.equations.layout, list[CompiledPool](), 0
+    for call in slots.pools:
+        rows = slots.rows_of_pools[first : first + call.pool.slots]
+        at = slots.first_number + call.numbers, slots.first_holder + first
+        pools.append(CompiledPool(call.function, *at, call.values, rows, call.pairs))
+        first += call.pool.slots
+    if not pools:
+        return None
+    return PooledRows(tuple(pools), layout.parts, slots.size - layout.rows - 2 * TWIST * layout.parts)

@@ -36,7 +36,8 @@ class ContactReadings:
     ) -> None:
         """`compliances` are the functions of the compliant contacts.
 
-        :param read_places: the points, forces and normals of the one-sided elements that have a place, into (n, 3, 3).
+        :param read_places: the points, forces and normals of the one-sided elements that have a place, into (n, 3, 3);
+            but of slots that pairs share, which are the last ones.
         """
         self._one_sided, self._compliant, self._compliances = one_sided, compliant, compliances
         self._read_places = read_places
@@ -62,9 +63,11 @@ class ContactReadings:
 
     def places(self, time: float, y: Array, inputs: Array) -> Array:
         """(n, 3, 3): the points in m of the `placed` contacts, their forces in N, and normals, in ground's frame."""
-        out = np.empty((self._placed, 3, 3))
-        if self._placed:
-            self._read_places(time, y, inputs, out)
+        out, pooled = np.empty((self._placed, 3, 3)), 0 if self._one_sided is None else self._one_sided.layout.pooled
+        if own := self._placed - pooled:
+            self._read_places(time, y, inputs, out[:own])
+        if self._one_sided is not None and pooled:
+            out[own:] = self._one_sided.places_of_pools(time, y, inputs)
         if self._compliances is None:
             return out
         return np.concatenate([out, evaluated(self._compliances.places, time, y, inputs).T.reshape(-1, 3, 3)])

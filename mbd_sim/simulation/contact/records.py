@@ -106,6 +106,10 @@ class ContactState:
     that of the constrained point, of the wheel, or of the shape that is named first. Of a rope or strut they are those
     of its last end, or of the first where the last is on ground. They are None for open slots, and for stops, plays,
     clutches and friction in joints.
+
+    Where many bodies touch, an entry belongs to different pairs in turn: `bodies` are the names of the shapes of that
+    which it belongs to, the first part first; None while it is open, and for other contacts. The gap of an open one
+    is that of the nearest pair.
     """
 
     state: str
@@ -117,6 +121,7 @@ class ContactState:
     point: Array | None = None
     force: Array | None = None
     direction: Array | None = None
+    bodies: tuple[str, str] | None = None
 
     @property
     def friction_entries(self) -> list[tuple[float, float, float]]:

@@ -260,11 +260,10 @@ class OneSidedStepper:
             y[-2] += self._energy(time, y, inputs) - before + found.loss
         if self.observer is not None:
             self.observer.impact(time, before, self._energy(time, y, inputs))
+        modes = self._model.modes(inputs)
         for gap in np.flatnonzero(found.impulses[: self._model.layout.gaps]).tolist():
-            impulse = float(found.impulses[gap])
-            self._record(
-                ContactEvent(time, self._model.names[gap], ContactChange.IMPACT, impulse, found.loss, found.factor)
-            )
+            name, impulse = self._model.name_in(modes, gap), float(found.impulses[gap])
+            self._record(ContactEvent(time, name, ContactChange.IMPACT, impulse, found.loss, found.factor))
 
     def _note_compiled(self) -> None:
         """Record the latest events of compiled code."""
@@ -289,7 +288,7 @@ class OneSidedStepper:
         for gap, (was, now) in enumerate(zip(old[layout.closed], new[layout.closed], strict=True)):
             if was != now:
                 change = ContactChange.CLOSED if now else ContactChange.OPENED
-                self._record(ContactEvent(time, model.names[gap], change))
+                self._record(ContactEvent(time, model.name_in(new if now else old, gap), change))
         first = layout.direction.start - layout.gaps
         sliding = [frozenset(model.sliding(modes)) for modes in (old, new)]
         for index, (rows, load) in enumerate(model.frictions):
@@ -298,7 +297,7 @@ class OneSidedStepper:
             slid, slides = (index in elements for elements in sliding)
             reverses = slid and slides and added(old[first + row] * new[first + row] for row in rows) < 0.0
             stuck = not slid and (load is None or old[load] != 0.0)
-            name = model.friction_name(index)
+            name = model.friction_name(index) if load is None else model.name_in(new, load)
             if (slides and not slid) or reverses:
                 self._record(ContactEvent(time, name, ContactChange.SLIDES))
             elif not slides and (slid or not stuck):

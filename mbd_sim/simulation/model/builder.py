@@ -132,8 +132,6 @@ def _readers(equations: Equations, method: Method) -> Mapping[str, ca.Function]:
     }
     if equations.distant_springs is not None:
         readers["elongations"] = equations.distant_springs.elongations
-    if equations.one_sided is not None and equations.one_sided.places.nnz_out(0):
-        readers["contact_places"] = equations.one_sided.places
     if equations.actuators is not None:
         readers["actuators"] = equations.actuators.readings
     if method.time_stepping and equations.one_sided is not None:

@@ -19,6 +19,11 @@ if TYPE_CHECKING:  # what was compiled before is read without CasADi
     from mbd_sim.dynamics.terms import DynamicsTerm
 
 
+def _contact_places(equations: Equations) -> ca.Function:
+    assert equations.one_sided is not None
+    return equations.one_sided.places
+
+
 FUNCTIONS: Mapping[str, Callable[[Equations], ca.Function]] = {
     "accelerations": lambda equations: equations.measurements.accelerations,
     "part_motions": lambda equations: equations.measurements.part_motions,
@@ -27,6 +32,7 @@ FUNCTIONS: Mapping[str, Callable[[Equations], ca.Function]] = {
     "multipliers": lambda equations: equations.multipliers,
     "derivatives": lambda equations: equations.derivatives,
     "load_paths": lambda equations: equations.load_paths.function,
+    "contact_places": _contact_places,
 }
 
 

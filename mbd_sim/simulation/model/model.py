@@ -328,11 +328,19 @@ class Model:
 
     @cached_property
     def contact_readings(self) -> ContactReadings:
-        """What can be read at each contact: states, places, and the numbers of a message."""
+        """What can be read at each contact: states, places, and the numbers of a message.
+
+        What compiles places comes before the first step of a program that reads them in each.
+        """
         from mbd_sim.simulation.contact.readings import ContactReadings
 
+        has_places = self.one_sided is not None and len(self.one_sided.placed) > self.one_sided.layout.pooled
+        function = self.on_request.named("contact_places") if has_places else None
+
         def places(time: float, y: Array, inputs: Array, out: Array) -> Array:
-            return self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
+            assert function is not None
+            out[:] = function.read(time, y, self.with_contact_forces(time, y, inputs)).reshape(out.shape)
+            return out
 
         compliant = self.compliant_contacts
         return ContactReadings(self.one_sided, compliant, self.equations.compliances if compliant else None, places)

@@ -17,22 +17,21 @@ joints:
   table: {type: prismatic, between: [ground, table], axis: [0, 0, 1], stiffness: 500, damping: 3}
   a: {type: prismatic, between: [table, a], axis: [0, 0, 1], position: 0.02, limits: LIMITS}
   b: {type: prismatic, between: [table, b], axis: [0, 0, 1], position: 0.013, limits: LIMITS}
-""".replace("LIMITS", "{lower: 0, upper: 1, restitution: 0.8}")
+""".replace("LIMITS", "{lower: 0, upper: 1, restitution: 0.9}")
 
 
 @pytest.mark.parametrize("step", [1e-3, 5e-3])
 def test_sequences_that_set_off_each_other_end_within_few_events(step):
-    """A step of 5 ms had 96 of them. What the end of the sequences leaves out is not seen: finer steps leave out none."""
+    """Steps had 135 and 146 of them. What the end of the sequences leaves out is not seen beside the steps' own errors."""
     fine = Simulation.from_text(TABLE, step=1e-4)
-    fine.run(until=0.5)
+    fine.run(until=0.8)
     simulation, counts, totals = Simulation.from_text(TABLE, step=step), [0], []
-    while simulation.time < 0.5 - 0.5 * step:
+    while simulation.time < 0.8 - 0.5 * step:
         simulation.step(1)
         counts.append(len(simulation.contact_events))
         totals.append(simulation.energies.total)
-    assert 20 < max(after - before for before, after in pairwise(counts)) < 60
+    assert 100 < max(after - before for before, after in pairwise(counts)) < 125
     assert np.max(np.diff(totals)) < 1e-13  # of some 2 J
     assert abs(simulation.energies.residual) < 1e-13
-    assert simulation.contact_events[-1].time == pytest.approx(fine.contact_events[-1].time, abs=1e-4)
-    np.testing.assert_allclose(simulation.q, fine.q, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(simulation.u, fine.u, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(simulation.q, fine.q, rtol=0, atol=2e-7)
+    np.testing.assert_allclose(simulation.u, fine.u, rtol=0, atol=4e-6)

@@ -103,7 +103,7 @@ def test_the_allan_deviation_of_a_walking_bias_rises_with_the_root_of_time():
         expected = walking * np.sqrt(count * PERIOD / 3.0)
         np.testing.assert_allclose(allan_deviation(values, count), expected, rtol=0.15)
     ends = [MeasurementErrors([ErrorModel(bias_walk=walking)], [1], PERIOD, Noise(seed, "g", 1, 0.0)).added(2000)[0]
-            for seed in range(400)]  # fmt: skip
+            for seed in range(200)]  # fmt: skip
     np.testing.assert_allclose(np.std(ends), walking * np.sqrt(2000 * PERIOD), rtol=0.12)
 
 

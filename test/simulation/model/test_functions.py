@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.compiler.python.bound_call import CompiledFunction
 
 
 def readings(simulation, point):
@@ -28,6 +29,24 @@ def test_those_that_were_compiled_before_are_read_without_the_equations(own_buil
     monkeypatch.setattr("mbd_sim.dynamics.equations.derive", derived)
     cached = readings(Simulation.from_file(name), point)
     assert [array.tobytes() for array in cached] == [array.tobytes() for array in traced]
+
+
+def test_places_of_contacts_are_compiled_only_for_readers_and_before_their_first_reading(own_builds, monkeypatch):
+    """What publishes contacts asks for them before the run, in which a compilation would make steps late."""
+    compiled, compile_ = [], CompiledFunction.of.__func__
+
+    def counted(cls, trace, key=None):
+        compiled.append(key)
+        return compile_(cls, trace, key)
+
+    monkeypatch.setattr(CompiledFunction, "of", classmethod(counted))
+    simulation = Simulation.from_file("rocking")
+    simulation.step(5)
+    assert not compiled
+    names = simulation.model.contact_readings.placed_names()
+    assert len(compiled) == 1
+    assert set(names) <= simulation.contacts().keys()
+    assert len(compiled) == 1
 
 
 def test_without_a_cache_nothing_is_stored(own_builds, monkeypatch):

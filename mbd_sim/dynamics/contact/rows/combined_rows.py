@@ -19,6 +19,7 @@ class CombinedRows:
     """The `equations` of rows, with symbols for the values of `slots`, and their `basis`, whose motion is that of rows.
 
     A multiplier of a row counts for those of the basis as much as its row of the `combination` (rows, columns) says.
+    The rows of pools are zero there: which part they act on is known to compiled code, see `pooled_rows`.
     Each of the `groups` of columns is used as a whole.
     """
 
@@ -111,7 +112,7 @@ def combined_rows(
         positions[own[0]] = slot.position
         for place, row in enumerate(own):
             velocities[row], biases[row] = slot.velocity[place], slot.bias[place]
-            for part, factors in zip(slot.parts, slot.wrenches, strict=True):
+            for part, factors in zip(slot.parts, slot.wrenches, strict=True) if slot.pool is None else ():
                 combination[row, list(motions.places(part))] = factors[place, :]
     combination = ca.sparsify(combination)
     none = ca.SX(0, 1)

@@ -7,14 +7,15 @@ wrenches on a part do to the mechanism is the same for all rows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
 
 from mbd_sim.dynamics.constraints.equations import ConstraintEquations
 from mbd_sim.dynamics.constraints.rows import ConstraintRow, IteratedNormal
+from mbd_sim.dynamics.contact.rows.pools import SlotPool
 from mbd_sim.dynamics.kinematics.poses import BodySymbols, flat_pose, link_wrench, pose_rate, world_twist
 from mbd_sim.dynamics.kinematics.tracing import TracedMechanism
 
@@ -119,7 +120,8 @@ class Slot:
 
     All slots of a `kind` have the same expressions, of symbols for their `numbers`: the `features`.
     `position` is that of the first row; `velocity` and `bias` (k,) are of all, and `wrenches` (k, columns) for each
-    part the factors of its unit wrenches.
+    part the factors of its unit wrenches. The parts of slots of a `pool` are those of its example only. The `place`
+    (12,) of these is the point in m, the normal and the sides of the contact: see `ContactPlace`.
     """
 
     kind: tuple[int, ...]
@@ -130,6 +132,8 @@ class Slot:
     velocity: ca.SX
     bias: ca.SX
     wrenches: Sequence[ca.SX]
+    pool: SlotPool | None = None
+    place: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
     def select(self, rows: Sequence[int]) -> Slot:
         """The slot with some of its rows, of which the first one is always there."""
@@ -149,12 +153,13 @@ class Slot:
     def values(self) -> ca.SX:
         """All in one vector, the wrenches row by row."""
         by_row = ca.densify(ca.horzcat(*self.wrenches)).T
-        return ca.densify(ca.vertcat(self.position, self.velocity, self.bias, ca.vec(by_row)))
+        return ca.densify(ca.vertcat(self.position, self.velocity, self.bias, ca.vec(by_row), self.place))
 
     def with_values(self, values: ca.SX) -> Slot:
         """The slot with symbols, or other expressions, in place of its values; what is zero remains so."""
         k, columns = self.velocity.shape[0], [each.shape[1] for each in self.wrenches]
-        position, velocity, bias, rest = ca.vertsplit(values, [0, 1, 1 + k, 1 + 2 * k, values.shape[0]])
+        ends = [0, 1, 1 + k, 1 + 2 * k, 1 + (2 + sum(columns)) * k, values.shape[0]]
+        position, velocity, bias, rest, _ = ca.vertsplit(values, ends)
         rows = ca.reshape(rest, sum(columns), k).T
         found, first = list[ca.SX](), 0
         for own, count in zip(self.wrenches, columns, strict=True):
@@ -171,10 +176,12 @@ def written_slot(
     motions: PartMotions,
     bodies: BodySymbols,
     time: ca.SX,
+    place: ca.SX | None = None,
 ) -> Slot:
     """The rows of a slot, of which the first is its gap, in the motions of its parts.
 
     :param parts: their indices among the motions.
+    :param place: see `Slot`; for slots of pools.
     """
     links, entries = [motions.links[part] for part in parts], [motions.entries[part] for part in parts]
     old = [ca.vertcat(bodies.poses[link], bodies.twists[link]) for link in links]
@@ -210,7 +217,24 @@ def written_slot(
     wrenches = [
         ca.sparsify(gradient[:, [TWIST * number + k for k in motions.components]]) for number in range(len(parts))
     ]
-    return Slot((kind,), numbers, numbers, tuple(parts), position, velocity, ca.sparsify(bias), wrenches)
+    known_place = ca.SX(0, 1) if place is None else in_motions(place)
+    bias = ca.sparsify(bias)
+    return Slot((kind,), numbers, numbers, tuple(parts), position, velocity, bias, wrenches, place=known_place)
+
+
+@dataclass(frozen=True, eq=False)
+class PoolCall:
+    """How the values of the slots of a `pool` are found: as by a `SlotCall`, with the parts of a pair for each slot.
+
+    `numbers` is where the numbers of the first slot begin among those of all slots, and `values` where its values do;
+    those of other slots follow. The `pairs` are the parts of the pairs, among the motions; ground has a number beyond.
+    """
+
+    function: ca.Function
+    pool: SlotPool
+    numbers: int
+    values: int
+    pairs: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,16 +251,22 @@ class SlotCall:
 
 
 class Slots:
-    """All slots of a mechanism, with the `calls` of their functions, and symbols for their values."""
+    """All slots of a mechanism, with the `calls` of their functions, those of `pools`, and symbols for their values.
 
-    def __init__(self, motions: PartMotions, slots: Sequence[Slot], time: ca.SX, unused: float) -> None:
+    :param parts: the indices of the parts of pools among the motions, by their names.
+    """
+
+    def __init__(
+        self, motions: PartMotions, slots: Sequence[Slot], time: ca.SX, unused: float, parts: Mapping[str, int]
+    ) -> None:
         """:param unused: the position in m of slots that are not in use, all of whose numbers are zero."""
         self.motions, self.unused = motions, unused
         kinds: dict[str, ca.Function] = {}
         known: dict[tuple[int, ...], ca.Function] = {}
         calls, symbolic, symbols, first, number = list[SlotCall](), list[Slot](), list[ca.SX](), 0, 0
+        pools: dict[SlotPool, PoolCall] = {}
         inputs = motions.traced.inputs
-        for slot in slots:
+        for index, slot in enumerate(slots):
             if slot.kind not in known:
                 given = [time, inputs, slot.features, *(motions.symbols[part] for part in slot.parts)]
                 key = ca.Function("slot", given, [slot.values]).serialize()
@@ -244,22 +274,32 @@ class Slots:
                     kinds[key] = ca.Function(f"slot_{len(kinds)}", given, [slot.values], {"cse": True})
                 known[slot.kind] = kinds[key]
             function = known[slot.kind]
-            symbols.append(ca.SX.sym(f"slot_{len(calls)}", function.nnz_out(0)))
-            calls.append(SlotCall(function, number, slot.parts, first))
+            symbols.append(ca.SX.sym(f"slot_{index}", function.nnz_out(0)))
+            if slot.pool is None:
+                calls.append(SlotCall(function, number, slot.parts, first))
+            elif slot.pool not in pools:
+                pools[slot.pool] = PoolCall(function, slot.pool, number, first, _pairs(slot.pool, motions, parts))
             symbolic.append(slot.with_values(symbols[-1]))
             first, number = first + function.nnz_out(0), number + slot.numbers.shape[0]
         self.calls, self.slots, self.symbols = tuple(calls), tuple(symbolic), ca.vertcat(ca.SX(0, 1), *symbols)
+        self.pools = tuple(pools.values())
         self._numbers, self._time = [slot.numbers for slot in slots], motions.traced.state.t
 
     @cached_property
     def values(self) -> ca.SX:
         """The values in the state."""
         found, inputs = [ca.SX(0, 1)], self.motions.traced.inputs
-        for call, numbers in zip(self.calls, self._numbers, strict=True):
+        for call, numbers in zip(self.calls, self._numbers, strict=False):
             motions = [self.motions.values[part] for part in call.parts]
             found += call.function.call([self._time, inputs, numbers, *motions])
-        return ca.vertcat(*found)
+        unknown = self.symbols.shape[0] - sum(each.shape[0] for each in found)
+        return ca.vertcat(*found, ca.SX.nan(unknown, 1))  # of pools, which expressions in the state do not contain
 
     def written(self, expression: ca.SX) -> ca.SX:
         """An expression with the values in the state in place of their symbols."""
         return ca.sparsify(ca.substitute([expression], [self.symbols], [self.values])[0]) if self.calls else expression
+
+
+def _pairs(pool: SlotPool, motions: PartMotions, parts: Mapping[str, int]) -> tuple[tuple[int, int], ...]:
+    ground = len(motions.links)
+    return tuple((parts.get(pair.first.at.part, ground), parts.get(pair.second.at.part, ground)) for pair in pool.pairs)

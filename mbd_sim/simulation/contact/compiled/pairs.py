@@ -12,9 +12,11 @@ from typing import cast
 
 from mbd_sim.compiler.ir.python_kinds import Array, External, Integers, zeros
 from mbd_sim.simulation.contact.compiled.features.polytopes import WITHIN
-from mbd_sim.simulation.contact.compiled.features.vectors import dot, place, size_of, subtract
+from mbd_sim.simulation.contact.compiled.features.vectors import distance_of, dot, place, size_of, subtract
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 
+NO_GAP = -1
+LACKING = External("None", ())
 DISTANCE = External("float", ("int", "Array", "Array"))
 BEYOND = External("float", ("int", "Array", "Array", "Array", "Array", "float", "Array"))
 MARGIN = External("float", ("int", "Array", "Array", "Array", "Array"))
@@ -29,7 +31,8 @@ POSE = 12
 # normal, which is zero where areas of contact cannot shrink, and the gap in m.
 SPOT, SPOT_NORMAL, SPOT_GAP = 7, 3, 6
 LINE, TURNS, KNOWN = 0, 3, 21  # of what is remembered: the line between the centers, both rotations, and the distance
-MEMORY = 22
+SEEN, SEEN_AT = 22, 23  # and how far the spheres around both were apart, when their parts had travelled so far together
+MEMORY = 24
 
 
 @dataclass(frozen=True)
@@ -40,8 +43,12 @@ class FeaturePair:
     which are given `data` first; for the second one, which only some have, see `beyond_gaps`, and for `iterates` and
     `found_at` see `NarrowPhase`. `first` and `second` are the rows of the poses of their parts; the spheres around them
     have `centers` (6,) and `radii` (2,). Nothing moves along axes of which `axes` (3,) is 0. Slot k is the gap `gaps`
-    k; it has `size` numbers among the inputs, from `numbers` + k `size` on. The latest distance is remembered in
-    `memory` (`MEMORY`,).
+    k; it has `size` numbers among the inputs. Those of the gap `first_gap` are from `numbers` on, and those of the gaps
+    that follow it after them. The latest distance is remembered in `memory` (`MEMORY`,).
+
+    Pair `number` of those that share a pool of `shared` gaps has a gap where one of its slots is in use, and otherwise
+    `NO_GAP`: see `hold`. The numbers of the pairs that have the gaps are the inputs from `holders` on. Without a pool
+    `shared` is 0. `lacking` is the address of a function that is called where all of them are in use.
     """
 
     distance: int
@@ -59,8 +66,13 @@ class FeaturePair:
     axes: Array
     slots: int
     gaps: Integers
+    first_gap: int
     numbers: int
     size: int
+    number: int
+    shared: int
+    holders: int
+    lacking: int
     memory: Array
 
 
@@ -81,9 +93,76 @@ def put(pair: FeaturePair, places: Array, one: Array, other: Array) -> None:
         one[i], other[i] = first[i], second[i]
 
 
+def hold(c: Contacts, inputs: Array) -> None:
+    """Give the pairs that share slots the gaps that they have among some inputs."""
+    if c.first_pooled == c.gaps or is_held(c, inputs):
+        return
+    c.held_slots[0] = 0
+    for index in range(c.body_pairs):
+        pair = pair_at(c, index)
+        for slot in range(pair.slots if pair.shared > 0 else 0):
+            pair.gaps[slot] = NO_GAP
+    for index in range(c.body_pairs):
+        pair = pair_at(c, index)
+        for position in range(pair.shared if pair.number == 0 else 0):
+            if is_in_use(pair, inputs, position):
+                give(pair_at(c, index + int(inputs[pair.holders + position])), pair.first_gap + position)
+                c.held_slots[0] += 1
+
+
+def is_held(c: Contacts, inputs: Array) -> bool:
+    """Whether all pairs have the gaps that they have among some inputs, and no others."""
+    used = 0
+    for index in range(c.body_pairs):
+        pair = pair_at(c, index)
+        for position in range(pair.shared if pair.number == 0 else 0):
+            if is_in_use(pair, inputs, position):
+                used += 1
+                if not has_gap(pair_at(c, index + int(inputs[pair.holders + position])), pair.first_gap + position):
+                    return False
+    return used == c.held_slots[0]
+
+
+def has_gap(pair: FeaturePair, gap: int) -> bool:
+    """Whether one of the slots of a pair has a gap."""
+    return any(pair.gaps[slot] == gap for slot in range(pair.slots))
+
+
+def is_in_use(pair: FeaturePair, inputs: Array, position: int) -> bool:
+    """Whether a slot of the pool of a pair is in use."""
+    return inputs[pair.numbers + pair.size * (position + 1) - 1] != 0.0
+
+
+def give(pair: FeaturePair, gap: int) -> None:
+    """Let a slot of a pair that is not in use have a gap."""
+    for slot in range(pair.slots):
+        if pair.gaps[slot] == NO_GAP:
+            pair.gaps[slot] = gap
+            return
+
+
+def take(c: Contacts, pair: FeaturePair, slot: int, inputs: Array) -> bool:
+    """Whether a slot has a gap, the first one of its pool that is not in use if it had none."""
+    for position in range(pair.shared if pair.gaps[slot] == NO_GAP else 0):
+        if not is_in_use(pair, inputs, position):
+            pair.gaps[slot] = pair.first_gap + position
+            inputs[pair.holders + position] = pair.number
+            c.held_slots[0] += 1
+            return True
+    if pair.gaps[slot] == NO_GAP:
+        LACKING(pair.lacking)
+        return False
+    return True
+
+
+def numbers_at(pair: FeaturePair, slot: int) -> int:
+    """Where the numbers of a slot with a gap are among the inputs."""
+    return pair.numbers + pair.size * (pair.gaps[slot] - pair.first_gap)
+
+
 def is_closed(c: Contacts, pair: FeaturePair, inputs: Array, slot: int) -> bool:
     """Whether a slot is closed."""
-    return inputs[c.first_mode + pair.gaps[slot]] != 0.0
+    return pair.gaps[slot] != NO_GAP and inputs[c.first_mode + pair.gaps[slot]] != 0.0
 
 
 def any_closed(c: Contacts, pair: FeaturePair, inputs: Array) -> bool:
@@ -109,7 +188,7 @@ def beyond_gaps(c: Contacts, pair: FeaturePair, inputs: Array, before: Array, pl
     for slot in range(pair.slots):
         if is_closed(c, pair, inputs, slot):
             lowest = min(lowest, readings[1 + pair.gaps[slot]])
-            at = pair.numbers + pair.size * slot
+            at = numbers_at(pair, slot)
             if pair.found_at >= 0 and inputs[at + pair.found_at] < 0.0:
                 held[slot] = inputs[at + pair.size - 1]
     if distance < limit and pair.beyond != 0 and distance_at(pair, before) < limit:
@@ -178,6 +257,37 @@ def moves(c: Contacts, part: int, before: Array, after: Array) -> bool:
     """Whether a part has moved."""
     limit = AT_REST * c.accuracy
     return any(abs(after[POSE * part + i] - before[POSE * part + i]) > limit for i in range(POSE))
+
+
+def travel(c: Contacts, before: Array, after: Array) -> None:
+    """Add to what the parts have travelled: to the poses before a step, wherever they were last, and to those after it.
+
+    No point near the center of a body moves farther than this, see `Contacts`.
+    """
+    for part in range(c.places // POSE):
+        first = POSE * part
+        c.stepped[part] = way(c, part, before[first:], after[first:])
+        c.travelled[part] += way(c, part, c.latest[first:], before[first:]) + c.stepped[part]
+    for i in range(c.places):
+        c.latest[i] = after[i]
+
+
+def way(c: Contacts, part: int, one: Array, other: Array) -> float:
+    """How far in m centers of bodies have moved at most with a part, on straight lines."""
+    return distance_of(one, other) + turned_by(c.reaches[part], one[3:], other[3:])
+
+
+def is_far(c: Contacts, pair: FeaturePair) -> bool:
+    """Whether the spheres around both bodies are apart by far more than a step, so that `may_meet` does not hold."""
+    step = c.stepped[pair.first] + c.stepped[pair.second]
+    apart = pair.memory[SEEN] - (c.travelled[pair.first] + c.travelled[pair.second] - pair.memory[SEEN_AT])
+    return apart > 2.0 * step + TOUCH * c.accuracy
+
+
+def see(c: Contacts, pair: FeaturePair, places: Array) -> None:
+    """Remember how far the spheres are apart after a step."""
+    pair.memory[SEEN] = spheres_apart(pair, places)
+    pair.memory[SEEN_AT] = c.travelled[pair.first] + c.travelled[pair.second]
 
 
 def may_meet(c: Contacts, pair: FeaturePair, inputs: Array, before: Array, after: Array) -> bool:

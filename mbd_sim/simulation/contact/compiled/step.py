@@ -28,7 +28,7 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
 from mbd_sim.simulation.contact.compiled.instant.impact import impact, return_at_once
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, STOPPED, find_modes, is_touching
 from mbd_sim.simulation.contact.compiled.lengths import LONGER
-from mbd_sim.simulation.contact.compiled.pairs import may_meet, pair_at
+from mbd_sim.simulation.contact.compiled.pairs import hold, is_far, may_meet, pair_at, see, travel
 from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
 from mbd_sim.simulation.contact.compiled.sliding import Sliding
 from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
@@ -39,7 +39,7 @@ MOST_STAGES = 5000  # of a step
 MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
 FEW_AT_ONCE, AT_ONCE = 4, 1e-9  # the same in a step with many events, and how long an instant is there, of the step
 BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
-DENSE = 20  # events in one step, beyond which the next one is sought near first, and contacts come to rest sooner
+DENSE = 100  # events in one step, beyond which the next one is sought near first, and contacts come to rest sooner
 SOONER = 1.2  # times the speed at which they do, with each further event
 NEAR = 8.0  # times the latest time between events, within which it is sought
 KEPT = 0.5  # of that time, which counts after one event more, however soon that came
@@ -48,8 +48,12 @@ CLOSED, OPENED, STICKS, SLIDES, IMPACT, ENERGIES, BOUND = 0, 1, 2, 3, 4, 5, 6  #
 # Of an event: its time, the change, the gap or friction element, and of an impact the impulse and the loss. Energies
 # have those before and after an impact instead.
 FIELDS = 5
+OF_PAIR = 1_000_000  # by which the number of a pair, from 1 on, is multiplied in the index of an event
 CAPACITY = 500  # events
 DONE, HARD, NOT_FINITE, UNSOLVED = 0, 1, -1, -2  # why steps have ended
+MANY_PAIRS = (
+    100  # of bodies, from which on what the parts have travelled is added up: below, that takes longer than it saves
+)
 SAME, CHANGED, NOT_SIMPLE, NO_SOLUTION = 0, 1, -1, -2  # what an event has done
 
 
@@ -76,7 +80,10 @@ def advance(
             kept[i] = y[i]
         for i in range(c.modes):
             saved[i] = inputs[c.first_mode + i]
+        hold(c, inputs)
         counts[1] = step(c, y, inputs, (first + done) * h, (first + done + 1) * h, events, counts)
+        if c.lacking[0] != 0:
+            counts[1] = HARD
         if counts[1] != DONE:
             for i in range(c.size):
                 y[i] = kept[i]
@@ -125,7 +132,17 @@ def steps_without_event(c: Contacts, y: Array, inputs: Array, first: int, h: flo
 
 def may_change(c: Contacts, inputs: Array, before: Array, after: Array) -> bool:
     """Whether two bodies may have met, or their features may have changed."""
-    return any(may_meet(c, pair_at(c, index), inputs, before, after) for index in range(c.body_pairs))
+    hold(c, inputs)
+    if c.body_pairs < MANY_PAIRS:
+        return any(may_meet(c, pair_at(c, index), inputs, before, after) for index in range(c.body_pairs))
+    travel(c, before, after)
+    for index in range(c.body_pairs):
+        pair = pair_at(c, index)
+        if not is_far(c, pair):
+            see(c, pair, after)
+            if may_meet(c, pair, inputs, before, after):
+                return True
+    return False
 
 
 def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: float) -> bool:
@@ -363,7 +380,7 @@ def apply(
         record(c, t, ENERGIES, 0, before, after, events, counts)
     for gap in range(c.gaps):
         if impulses[gap] != 0.0:
-            record(c, t, IMPACT, gap, impulses[gap], loss, events, counts)
+            record(c, t, IMPACT, named(c, inputs[c.first_mode :], gap, gap), impulses[gap], loss, events, counts)
 
 
 def total_energy(c: Contacts, t: float, y: Array, inputs: Array) -> float:
@@ -395,8 +412,10 @@ def record_changes(c: Contacts, t: float, old: Array, inputs: Array, events: Arr
     """Record which gaps have closed or opened, and what has begun to slide or to stick."""
     new = inputs[c.first_mode :]
     for gap in range(c.gaps):
-        if old[gap] != new[gap]:
-            record(c, t, CLOSED if new[gap] != 0.0 else OPENED, gap, 0.0, 0.0, events, counts)
+        if new[gap] != 0.0 and old[gap] == 0.0:
+            record(c, t, CLOSED, named(c, new, gap, gap), 0.0, 0.0, events, counts)
+        elif old[gap] != new[gap]:
+            record(c, t, OPENED, named(c, old, gap, gap), 0.0, 0.0, events, counts)
     for k in range(c.frictions):
         load = c.friction_gaps[k]
         if load >= 0 and new[load] == 0.0:
@@ -409,6 +428,13 @@ def record_changes(c: Contacts, t: float, old: Array, inputs: Array, events: Arr
                 along += old[c.rows + row] * new[c.rows + row]
         stuck = not slid and (load < 0 or old[load] != 0.0)
         if now_slides and (not slid or along < 0.0):
-            record(c, t, SLIDES, k, 0.0, 0.0, events, counts)
+            record(c, t, SLIDES, named(c, new, load, k), 0.0, 0.0, events, counts)
         elif not now_slides and (slid or not stuck):
-            record(c, t, STICKS, k, 0.0, 0.0, events, counts)
+            record(c, t, STICKS, named(c, new, load, k), 0.0, 0.0, events, counts)
+
+
+def named(c: Contacts, modes: Array, gap: int, index: int) -> int:
+    """The index of a gap or a friction element, with the pair that its gap has in some modes if it is one of a pool."""
+    if gap < c.first_pooled:
+        return index
+    return index + OF_PAIR * (1 + int(modes[c.first_holder + gap - c.first_pooled]))

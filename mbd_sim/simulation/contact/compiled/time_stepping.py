@@ -29,10 +29,13 @@ from mbd_sim.simulation.contact.compiled.pairs import (
     TOUCHING,
     FeaturePair,
     at_least,
+    hold,
     note,
+    numbers_at,
     pair_at,
     put,
     spheres_apart,
+    take,
 )
 from mbd_sim.simulation.contact.compiled.step import (
     DONE,
@@ -44,7 +47,7 @@ from mbd_sim.simulation.contact.compiled.step import (
     record_changes,
     total_energy,
 )
-from mbd_sim.simulation.contact.compiled.touching import end_step, has_key, key_of
+from mbd_sim.simulation.contact.compiled.touching import end_step, key_of, slot_key
 
 NEAR = 0.01  # of the way at the natural speed in a step, within which features that touch together are found
 FARTHER = 2.0  # times the distance at which gaps can close, beyond which bodies have no features
@@ -112,6 +115,8 @@ def step(
         free.after[i] = y[i]
     if c.body_pairs > 0:
         find_all(c, free, inputs)
+    if c.lacking[0] != 0:
+        return HARD
     read_rows(c, end, y, inputs, rows)
     mark_closing(c, rows, h, closing)
     read_rows(c, start, free.before, inputs, rows)
@@ -262,13 +267,21 @@ def find_all(c: Contacts, free: FreeMotion, inputs: Array) -> None:
     apart = FARTHER * max(tolerance, c.rest_speed * free.length)
     read_poses(c, free.start, free.before, inputs, places)
     read_poses(c, end, free.after, inputs, places_after)
+    hold(c, inputs)
     for index in range(c.body_pairs):
         pair = pair_at(c, index)
-        count = add_found(pair, places, tolerance, apart, inputs, 0)
-        add_found(pair, places_after, tolerance, apart, inputs, count)
+        count = add_found(c, pair, places, tolerance, apart, inputs, 0)
+        add_found(c, pair, places_after, tolerance, apart, inputs, count)
 
 
-def add_found(pair: FeaturePair, places: Array, tolerance: float, apart: float, inputs: Array, count: int) -> int:
+def has_slot(pair: FeaturePair, inputs: Array, count: int, key: float) -> bool:
+    """Whether one of the first slots has some features."""
+    return any(slot_key(pair, inputs, slot) == key for slot in range(count))
+
+
+def add_found(
+    c: Contacts, pair: FeaturePair, places: Array, tolerance: float, apart: float, inputs: Array, count: int
+) -> int:
     """Add features to the `count` first slots of a pair that are in use; the number of those that are in use then.
 
     Bodies that are farther `apart` need none. What is remembered of their distance only tells this sooner.
@@ -283,10 +296,12 @@ def add_found(pair: FeaturePair, places: Array, tolerance: float, apart: float, 
         return count
     touching = TOUCHING(pair.touching, pair.data, one, other, tolerance, found)
     for k in range(touching):
-        if count < pair.slots and not has_key(pair, inputs[pair.numbers :], count, key_of(found, pair.size, k)):
+        if count < pair.slots and not has_slot(pair, inputs, count, key_of(found, pair.size, k)):
+            if not take(c, pair, count, inputs):
+                return count
             for i in range(pair.size):
-                inputs[pair.numbers + pair.size * count + i] = found[pair.size * k + i]
+                inputs[numbers_at(pair, count) + i] = found[pair.size * k + i]
             if pair.found_at >= 0:  # how deep bodies are is corrected after the step
-                inputs[pair.numbers + pair.size * count + pair.found_at] = 0.0
+                inputs[numbers_at(pair, count) + pair.found_at] = 0.0
             count += 1
     return count

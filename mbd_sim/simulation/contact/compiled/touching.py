@@ -9,6 +9,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import cross, distance
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, read_poses
 from mbd_sim.simulation.contact.compiled.pairs import (
     MARGIN,
+    NO_GAP,
     POSE,
     RENEW,
     SPOT,
@@ -17,10 +18,13 @@ from mbd_sim.simulation.contact.compiled.pairs import (
     TOUCH,
     TOUCHING,
     FeaturePair,
+    hold,
     is_closed,
+    numbers_at,
     pair_at,
     put,
     spheres_apart,
+    take,
 )
 
 BORDER = 0.5  # of the tolerance, by which the point of a closed slot may be beside its face or edge after an event
@@ -43,9 +47,8 @@ def area_at(c: Contacts, pair: FeaturePair, inputs: Array, places: Array, area: 
     area[NEAREST], area[WIDTH], area[ROOM] = math.inf, math.inf, math.inf
     for slot in range(pair.slots):
         if is_closed(c, pair, inputs, slot):
-            margin = MARGIN(
-                pair.margin, pair.data, one, other, inputs[pair.numbers + pair.size * slot :], spots[SPOT * count :]
-            )
+            at = numbers_at(pair, slot)
+            margin = MARGIN(pair.margin, pair.data, one, other, inputs[at:], spots[SPOT * count :])
             area[ROOM] = min(area[ROOM], margin)
             count += 1
     for base in range(count if count > 1 else 0):
@@ -69,7 +72,7 @@ def has_widened(c: Contacts, pair: FeaturePair, inputs: Array, places: Array) ->
     put(pair, places, one, other)
     for slot in range(pair.slots):
         if is_closed(c, pair, inputs, slot):
-            at = pair.numbers + pair.size * slot
+            at = numbers_at(pair, slot)
             MARGIN(pair.margin, pair.data, one, other, inputs[at:], spots[SPOT * count :])
             count += 1
     own = dimension(pair, spots, count)
@@ -141,6 +144,7 @@ def renew(c: Contacts, t: float, y: Array, inputs: Array) -> None:
     """Find the features of all slots at a state; closed slots keep theirs as long as these are where they meet."""
     places = zeros(c.places)
     read_poses(c, t, y, inputs, places)
+    hold(c, inputs)
     for index in range(c.body_pairs):
         pair = pair_at(c, index)
         if spheres_apart(pair, places) <= TOUCH * c.accuracy:
@@ -159,7 +163,7 @@ def renew_pair(c: Contacts, pair: FeaturePair, places: Array, inputs: Array) -> 
     for slot in range(pair.slots):
         chosen[slot] = -1
         if is_closed(c, pair, inputs, slot):
-            margin = MARGIN(pair.margin, pair.data, one, other, inputs[pair.numbers + pair.size * slot :], spot)
+            margin = MARGIN(pair.margin, pair.data, one, other, inputs[numbers_at(pair, slot) :], spot)
             kept[slot] = margin >= -BORDER * c.accuracy
     count = TOUCHING(pair.touching, pair.data, one, other, c.accuracy, found)
     count = without_narrow(c, pair, one, other, inputs, found, count, kept)
@@ -177,8 +181,8 @@ def renew_pair(c: Contacts, pair: FeaturePair, places: Array, inputs: Array) -> 
         if chosen[slot] >= 0:
             if slot_key(pair, inputs, slot) != key_of(found, pair.size, chosen[slot]):
                 empty(c, pair, slot, inputs)
-            for i in range(pair.size):
-                inputs[pair.numbers + pair.size * slot + i] = found[pair.size * chosen[slot] + i]
+            for i in range(pair.size if take(c, pair, slot, inputs) else 0):
+                inputs[numbers_at(pair, slot) + i] = found[pair.size * chosen[slot] + i]
         elif not kept[slot]:
             empty(c, pair, slot, inputs)
 
@@ -262,19 +266,26 @@ def key_of(numbers: Array, size: int, slot: int) -> float:
 
 def slot_key(pair: FeaturePair, inputs: Array, slot: int) -> float:
     """The present key of a slot."""
-    return key_of(inputs[pair.numbers :], pair.size, slot)
+    return 0.0 if pair.gaps[slot] == NO_GAP else inputs[numbers_at(pair, slot) + pair.size - 1]
 
 
 def empty(c: Contacts, pair: FeaturePair, slot: int, inputs: Array) -> None:
     """Leave a slot without features."""
+    if pair.gaps[slot] == NO_GAP:
+        return
     for i in range(pair.size):
-        inputs[pair.numbers + pair.size * slot + i] = 0.0
+        inputs[numbers_at(pair, slot) + i] = 0.0
     inputs[c.first_mode + pair.gaps[slot]] = 0.0
+    if pair.shared > 0:
+        inputs[pair.holders + pair.gaps[slot] - pair.first_gap] = 0.0
+        c.held_slots[0] -= 1
+        pair.gaps[slot] = NO_GAP
 
 
 def end_step(c: Contacts, t: float, y: Array, inputs: Array) -> None:
     """After a step: empty the slots that are open, and renew what the rows of the others iterate from."""
     places, one, other, has_places = zeros(c.places), zeros(POSE), zeros(POSE), False
+    hold(c, inputs)
     for index in range(c.body_pairs):
         pair = pair_at(c, index)
         for slot in range(pair.slots):
@@ -286,7 +297,7 @@ def end_step(c: Contacts, t: float, y: Array, inputs: Array) -> None:
                     read_poses(c, t, y, inputs, places)
                     has_places = True
                 put(pair, places, one, other)
-                renew_start(c, pair, one, other, inputs, pair.numbers + pair.size * slot)
+                renew_start(c, pair, one, other, inputs, numbers_at(pair, slot))
 
 
 def renew_start(c: Contacts, pair: FeaturePair, one: Array, other: Array, inputs: Array, numbers: int) -> None:

@@ -7,13 +7,17 @@ distance that their narrow phase gives, so that the motion does not depend on wh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
 from mbd_sim.base.short_repr import short_repr
+from mbd_sim.compiler.ir.python_kinds import address_of, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
 from mbd_sim.mechanism.elements.contacts import (
@@ -28,7 +32,7 @@ from mbd_sim.mechanism.elements.contacts import (
     Solid,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
-from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, FeaturePair
+from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, NO_GAP, SEEN, FeaturePair
 from mbd_sim.simulation.contact.features.barrels import BarrelPair
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
 from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, SlotFeatures, functions_of
@@ -61,7 +65,8 @@ def narrow_phase(contact: Contact) -> NarrowPhase:
 class SlottedPair:
     """Two bodies, and where their slots are: their `gaps`, and the first of their `numbers` among the inputs.
 
-    `parts` are the rows of the poses of both. A slot has `size` numbers.
+    `parts` are the rows of the poses of both. A slot has `size` numbers. Pair `number` of a pool has some of its gaps;
+    the numbers of the pairs that have them are among the inputs from `holders` on.
     """
 
     contact: Contact
@@ -70,6 +75,13 @@ class SlottedPair:
     numbers: int
     size: int
     parts: tuple[int, int]
+    number: int = 0
+    holders: int | None = None
+
+    @property
+    def slots(self) -> int:
+        """How many of the gaps it can have."""
+        return len(self.gaps) if self.holders is None else self.contact.slots
 
     def poses(self, poses: Array) -> tuple[Pose, Pose]:
         """The poses of both parts, from those of all; of pairs in a plane, in this plane."""
@@ -77,33 +89,39 @@ class SlottedPair:
         one, other = (Pose(row[:3] * across, row[3:].reshape(3, 3).T) for row in (poses[part] for part in self.parts))
         return one, other
 
-    def compiled(self, failures: list[BaseException]) -> tuple[FeaturePair, PhaseFunctions]:
+    def compiled(self, failures: list[BaseException], lacking: int) -> tuple[FeaturePair, PhaseFunctions]:
         """The record for compiled code, with its own memory, and the functions that must live as long.
 
         :param failures: receives what functions in Python raise.
+        :param lacking: the address of what is called where a pool has too few slots.
         """
-        functions, memory = functions_of(self.phase, len(self.gaps), self.size, failures), np.zeros(MEMORY)
-        memory[KNOWN] = -np.inf
+        functions, memory = functions_of(self.phase, self.slots, self.size, failures), np.zeros(MEMORY)
+        memory[[KNOWN, SEEN]] = -np.inf
         one, other = self.phase.bounds
         record = FeaturePair(
-            functions.distance,
-            functions.beyond,
-            functions.margin,
-            functions.touching,
-            functions.renew,
-            functions.data,
-            self.phase.iterates,
-            self.phase.found_at,
-            self.parts[0],
-            self.parts[1],
-            np.concatenate([one.center, other.center]),
-            np.array([one.radius, other.radius]),
-            _across(self.contact.still),
-            len(self.gaps),
-            np.array(self.gaps, dtype=np.int64),
-            self.numbers,
-            self.size,
-            memory,
+            distance=functions.distance,
+            beyond=functions.beyond,
+            margin=functions.margin,
+            touching=functions.touching,
+            renew=functions.renew,
+            data=functions.data,
+            iterates=self.phase.iterates,
+            found_at=self.phase.found_at,
+            first=self.parts[0],
+            second=self.parts[1],
+            centers=np.concatenate([one.center, other.center]),
+            radii=np.array([one.radius, other.radius]),
+            axes=_across(self.contact.still),
+            slots=self.slots,
+            gaps=np.array(self.gaps if self.holders is None else [NO_GAP] * self.slots, dtype=np.int64),
+            first_gap=self.gaps[0],
+            numbers=self.numbers,
+            size=self.size,
+            number=self.number,
+            shared=0 if self.holders is None else len(self.gaps),
+            holders=self.holders or 0,
+            lacking=lacking,
+            memory=memory,
         )
         return record, functions
 
@@ -112,6 +130,8 @@ class FeaturePairs:
     """All pairs of a model with changing features. It holds no state.
 
     :param features: the place of the numbers of the slots among the inputs.
+    `reaches` (parts + 1,) are how far from the origin of each part, and of ground, the centers of its bodies are, in m.
+
     :param tolerance: the gap in m that counts as zero.
     """
 
@@ -131,19 +151,45 @@ class FeaturePairs:
             assert contact is not None
             slots.setdefault(contact, []).append(gap)
         self.pairs: list[SlottedPair] = []
-        first = features
+        self.pools: dict[int, SlottedPair] = {}  # the first pair of each, by its first gap
+        first, holders = features, features + one_sided.layout.feature_count
         for contact, gaps in slots.items():
-            known = one_sided.gaps[gaps[0]].numbers
+            known, pool = one_sided.gaps[gaps[0]].numbers, one_sided.gaps[gaps[0]].pool
             assert known is not None
             size = known.shape[0]  # of a slot, the last of whose numbers is its key
-            parts = rows[contact.first.at.part], rows[contact.second.at.part]
-            self.pairs.append(SlottedPair(contact, narrow_phase(contact), tuple(gaps), first, size, parts))
+            for number, each in enumerate([contact] if pool is None else pool.pairs):
+                phase, at = narrow_phase(each), None if pool is None else holders
+                parts = rows[each.first.at.part], rows[each.second.at.part]
+                self.pairs.append(SlottedPair(each, phase, tuple(gaps), first, size, parts, number, at))
+            if pool is not None:
+                self.pools[gaps[0]] = self.pairs[-len(pool.pairs)]
+                holders += len(gaps)
             first += size * len(gaps)
-        self._features = slice(features, first)
+        self._features, self._holders = slice(features, first), slice(first, holders)
+        self.reaches = np.zeros(self._count + 1)
+        for pair in self.pairs:
+            for part, bounds in zip(pair.parts, pair.phase.bounds, strict=True):
+                self.reaches[part] = max(self.reaches[part], math.hypot(*bounds.center))
 
-    def compiled(self, failures: list[BaseException]) -> list[tuple[FeaturePair, PhaseFunctions]]:
-        """See `SlottedPair.compiled`."""
-        return [pair.compiled(failures) for pair in self.pairs]
+    def compiled(
+        self, failures: list[BaseException], marks: NDArray[np.int64]
+    ) -> list[tuple[FeaturePair, PhaseFunctions]]:
+        """See `SlottedPair.compiled`.
+
+        :param marks: (1,) becomes 1 where a pool has too few slots.
+        """
+        lacking = {at: prototype("None", ())(partial(self._lack, at, failures, marks)) for at in self.pools}
+        addresses = {at: address_of(function) for at, function in lacking.items()}
+        found = [pair.compiled(failures, addresses.get(pair.gaps[0], 0)) for pair in self.pairs]
+        return [(record, replace(functions, alive=(functions.alive, lacking))) for record, functions in found]
+
+    def _lack(self, pool: int, failures: list[BaseException], marks: NDArray[np.int64]) -> None:
+        failures.append(self._lacking(self.pools[pool]))
+        marks[0] = 1
+
+    def _lacking(self, pair: SlottedPair) -> MbdSimError:
+        message = f"contacts '{pair.contact.name}': more than {len(pair.gaps)} points touch at once"
+        return MbdSimError(f"{message}. Divide the bodies among several entries.")
 
     def _poses(self, time: float, y: Array, inputs: Array) -> Array:
         """The poses (parts + 1, 12) of all parts and of ground."""
@@ -159,6 +205,7 @@ class FeaturePairs:
         Those at the first state come first; nothing is kept of what the slots have been.
         """
         inputs[self._features] = 0.0
+        inputs[self._holders] = 0.0
         found: dict[int, dict[int, SlotFeatures]] = {}
         for time, y in states:
             poses = self._poses(time, y, inputs)
@@ -166,19 +213,39 @@ class FeaturePairs:
                 both = pair.poses(poses)
                 for each in pair.phase.touching(*both, tolerance) if _are_near(pair, both, tolerance) else ():
                     found.setdefault(index, {}).setdefault(each.key, each)
+        used = dict.fromkeys(self.pools, 0)
         for index, features in found.items():
             pair = self.pairs[index]
-            for slot, each in zip(range(len(pair.gaps)), features.values(), strict=False):
-                first = pair.numbers + slot * pair.size
+            for slot, each in zip(range(pair.slots), features.values(), strict=False):
+                place = slot
+                if pair.holders is not None:
+                    place = used[pair.gaps[0]]
+                    if place == len(pair.gaps):
+                        raise self._lacking(pair)
+                    used[pair.gaps[0]] += 1
+                    inputs[pair.holders + place] = pair.number
+                first = pair.numbers + place * pair.size
                 inputs[first : first + pair.size] = each.numbers
                 if pair.phase.found_at >= 0:
                     inputs[first + pair.phase.found_at] = 0.0
 
     def distances(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
-        """The distance of the two bodies in m, by the index of each of their gaps."""
+        """The distance of two bodies in m, by the index of each of their gaps; for pools that of the nearest pair."""
         poses = self._poses(time, y, inputs)
-        found = ((pair, pair.phase.distance(*pair.poses(poses))) for pair in self.pairs)
-        return {gap: distance for pair, distance in found for gap in pair.gaps}
+        own = ((pair, pair.phase.distance(*pair.poses(poses))) for pair in self.pairs if pair.holders is None)
+        found = {gap: distance for pair, distance in own for gap in pair.gaps}
+        for gaps, pairs in self._pooled.items():
+            found |= dict.fromkeys(gaps, _nearest(pairs, poses))
+        return found
+
+    @cached_property
+    def _pooled(self) -> Mapping[tuple[int, ...], list[SlottedPair]]:
+        """The pairs of each pool, by its gaps."""
+        found: dict[tuple[int, ...], list[SlottedPair]] = {}
+        for pair in self.pairs:
+            if pair.holders is not None:
+                found.setdefault(pair.gaps, []).append(pair)
+        return found
 
     def are_moved(self, time: float, y: Array, inputs: Array, others: Array) -> bool:
         """Whether parts are elsewhere with other inputs at the same state: live values may move the ends of joints."""
@@ -200,6 +267,23 @@ def _are_near(pair: SlottedPair, poses: tuple[Pose, Pose], tolerance: float) -> 
     ]
     apart = math.dist(*(center.tolist() for center in centers))
     return apart <= sum(bounds.radius for bounds in pair.phase.bounds) + tolerance
+
+
+def _nearest(pairs: Sequence[SlottedPair], poses: Array) -> float:
+    """The least distance of the bodies of some pairs in m; of those whose spheres are apart, that of the spheres."""
+    ends = []
+    for end in (0, 1):
+        rows = poses[[pair.parts[end] for pair in pairs]]
+        centers = np.array([pair.phase.bounds[end].center for pair in pairs])
+        rotations = rows[:, 3:].reshape(-1, 3, 3)  # each column by column
+        ends.append(rows[:, :3] + np.sum(rotations * centers[:, :, None], axis=1))
+    radii = np.array([sum(bounds.radius for bounds in pair.phase.bounds) for pair in pairs])
+    lines = ends[0] - ends[1]
+    apart = np.sqrt(np.sum(lines * lines, axis=1)) - radii
+    least = float(np.min(apart[apart > 0.0], initial=np.inf))
+    for index in np.flatnonzero(apart <= 0.0).tolist():
+        least = min(least, pairs[index].phase.distance(*pairs[index].poses(poses)))
+    return least
 
 
 def _across(still: int | None) -> Array:

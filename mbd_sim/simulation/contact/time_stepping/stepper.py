@@ -188,7 +188,7 @@ class TimeStepper(OneSidedStepper):
                 self.observer.impact(free.end, before, after)
         for gap in found.hits:
             if impulse := float(found.impulses[gap]):
-                name, change = self._model.names[gap], ContactChange.IMPACT
+                name, change = self._model.name_in(self._model.modes(inputs), gap), ContactChange.IMPACT
                 self._record(ContactEvent(free.end, name, change, impulse, added(losses), found.factor))
         if found.residual > ACCURATE:
             self._record(ContactEvent(free.end, "contacts", ContactChange.UNSOLVED, loss=found.residual))

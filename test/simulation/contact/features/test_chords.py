@@ -118,8 +118,8 @@ def test_a_side_that_rises_from_the_end_touches_it_once(bar, end, order, rise):
         assert pair.margin(*risen.poses(spin, order), found.numbers) > 0.0
 
 
-def mechanism(bar, end, joint, order, restitution=0.0, friction=0.0):
-    """A bar above a round end that is fixed."""
+def simulation(bar, end, order, pose, restitution=0.0, friction=0.0, velocity=(0.0,) * 6):
+    """A bar above a round end that is fixed, at a start: one mechanism for all starts of a kind."""
     size = {"cone": {"length": 0.4, "axis": [0, 0, -1], "at": [0, 0, 0.2]}, "cylinder": {"length": 0.4}, "disc": {}}[
         end
     ]
@@ -128,17 +128,17 @@ def mechanism(bar, end, joint, order, restitution=0.0, friction=0.0):
         "bar": {"type": bar, "radius": WIDE, "length": LONG, "mass": 1, "at": base},
         "end": {"type": end, "radius": RIM, "mass": 1, **size},
     }
-    joints = {"bar": {"type": "free", "between": ["ground", "bar"], **joint}}
+    joints = {"bar": {"type": "free", "between": ["ground", "bar"], "position": [0, 0, 2]}}
     joints["end"] = {"type": "fixed", "between": ["ground", "end"]}
-    contact = {"between": ["bar", "end"][::order], "restitution": restitution, "friction": friction}
+    contact = {"between": ["bar", "end"][::order], "restitution": 0, "friction": 0}
     parts = {name: {"shape": shape} for name, shape in shapes.items()}
-    return json.dumps({"mechanism": "across", "parts": parts, "joints": joints, "contacts": {"c": contact}})
-
-
-def place(pose):
-    """A pose as a joint has it."""
-    x, y, z, w = Rotation.from_matrix(pose.rotation).as_quat().tolist()
-    return {"position": pose.position.tolist(), "orientation": {"quaternion": [w, x, y, z]}}
+    data = {"mechanism": "across", "parts": parts, "joints": joints, "contacts": {"c": contact}}
+    laws = {"contacts.c.restitution": restitution, "contacts.c.friction": friction}
+    sim = Simulation.from_text(json.dumps(data), step=1e-3, live=list(laws))
+    sim.set_live(laws)
+    x, y, z, w = Rotation.from_matrix(pose.rotation).as_quat()
+    sim.reset([*pose.position, w, x, y, z], velocity)
+    return sim
 
 
 @pytest.mark.parametrize(("end", "order", "seed"), [("cylinder", 1, 0), ("disc", -1, 1)])
@@ -146,7 +146,7 @@ def test_a_bar_rests_on_both_ends_of_its_chord_with_the_forces_of_a_lever(end, o
     chance = np.random.default_rng(seed)
     turn, aside, along = chance.uniform(-3, 3), chance.uniform(-0.8, 0.8) * RIM, chance.uniform(-0.05, 0.05)
     lying_flat = OnEnd("cylinder", end, turn, aside, along)
-    sim = Simulation.from_text(mechanism("cylinder", end, place(lying_flat.pose), order, friction=0.6))
+    sim = simulation("cylinder", end, order, lying_flat.pose, friction=0.6)
     sim.run(until=0.05)
     closed = {
         tuple(np.round(state.point, 9)): state.normal for state in sim.contacts().values() if state.state != "open"
@@ -158,6 +158,9 @@ def test_a_bar_rests_on_both_ends_of_its_chord_with_the_forces_of_a_lever(end, o
     assert len(closed) == 2 and np.abs(sim.u).max() < 1e-12
 
 
+ORDERS = {("cylinder", "cylinder"): 1, ("cylinder", "disc"): -1, ("cone", "cone"): -1}
+
+
 @pytest.mark.parametrize(
     ("bar", "end", "seed"), [("cylinder", "cylinder", 0), ("cylinder", "disc", 2), ("cone", "cone", 3)]
 )
@@ -165,10 +168,10 @@ def test_a_bar_that_rocks_on_a_round_end_keeps_its_energy_and_its_spin_about_the
     """No force on the rim or the end has a moment about the axis, so that impacts do not change that spin either."""
     chance = np.random.default_rng([seed, 7])
     numbers = chance.uniform(-3, 3), chance.uniform(-0.3, 0.3) * RIM, chance.uniform(-0.02, 0.02), 0.02
-    joint = place(OnEnd(bar, end, *numbers).pose)
-    joint["position"][2] += 0.01
-    joint |= {"velocity": [*(0.1 * chance.normal(size=3))], "angular_velocity": [*(0.5 * chance.normal(size=3))]}
-    sim = Simulation.from_text(mechanism(bar, end, joint, 1 - 2 * (seed % 2), 0.3 * (seed % 2)), step=1e-3)
+    above = OnEnd(bar, end, *numbers).pose
+    pose = Pose(above.position + 0.01 * UP, above.rotation)
+    velocity = [*(0.1 * chance.normal(size=3)), *(0.5 * chance.normal(size=3))]
+    sim = simulation(bar, end, ORDERS[bar, end], pose, 0.3 * (seed % 2), velocity=velocity)
     begun = sim.momentum([0, 0, 0]).angular[2]
     while sim.time < 0.5 and sim.q[2] > 0.0:
         sim.step(10)

@@ -70,7 +70,7 @@ class Lying:
 def test_an_end_that_slides_over_edges_and_corners_does_not_jump(kind, order):
     """Points of its rim protruded as soon as they came above the face, but not the rim beside them, nor corners."""
     chance, count, seen = np.random.default_rng(3), 200, 0
-    for _ in range(10):
+    for _ in range(6):
         lying = Lying(kind, order, chance, 0.0, 0.9 * FLAT_TILT)
         start, stop = (np.array([*chance.uniform(-0.4, 0.4, 2), 0.0]) for _ in range(2))
         way = [lying.touching(start + share * (stop - start)) for share in np.linspace(0.0, 1.0, count)]
@@ -78,14 +78,14 @@ def test_an_end_that_slides_over_edges_and_corners_does_not_jump(kind, order):
             if before is not None and after is not None:
                 seen += 1
                 assert abs(after[2] - before[2]) <= 0.1 * np.linalg.norm(stop - start) / count
-    assert seen > 500
+    assert seen > 300
 
 
 @KINDS
 def test_an_end_that_touches_does_not_overlap_the_table_where_its_rim_becomes_exact(kind, order):
     """By which it would be thrown out again; nearly flat, it may between the points that carry it, by a little."""
     chance, seen = np.random.default_rng(4), 0
-    for number in range(60):
+    for number in range(40):
         least, most = ((0.97, 1.0), (0.0, 2.0))[number % 2]
         lying = Lying(kind, order, chance, least * EXACT_TILT, 0.99 * most * EXACT_TILT)
         place = lying.touching([*chance.uniform(-1.0, 1.0, 2) * (HALF[:2] + 0.5 * RIM), 0.0])
@@ -93,7 +93,7 @@ def test_an_end_that_touches_does_not_overlap_the_table_where_its_rim_becomes_ex
             continue
         seen += 1
         assert lying.lowest(place) >= (-1e-7 if number % 2 == 0 else -4e-4 * RIM)
-    assert seen > 20
+    assert seen > 15
 
 
 @pytest.mark.parametrize(("kind", "order"), [("disc", 1), ("disc", -1), ("cone", 1)])
@@ -108,7 +108,7 @@ def test_an_end_that_strikes_a_side_of_the_table_is_not_above_its_face(kind, ord
             assert lying.distance(place) == pytest.approx(apart, abs=1e-12)
 
 
-def falling(kind, place, seed, friction=0.2):
+def falling(kind, place, seed, step, friction=0.2):
     """A round end that falls flat on two of its points, and slides with the arc between them over an edge or corner."""
     chance = np.random.default_rng([seed, 17])
     aside, around = chance.uniform(-0.5, 0.5), chance.uniform(-0.5, 0.5)
@@ -118,14 +118,21 @@ def falling(kind, place, seed, friction=0.2):
     tilt, lean = 10 ** chance.uniform(-3.3, -2.3), around + chance.uniform(-0.4, 0.4)
     turn = Rotation.from_rotvec(tilt * np.array([-np.sin(lean), np.cos(lean), 0.0]))
     turn *= Rotation.from_rotvec([0.0, 0.0, around + np.pi / 6 + chance.uniform(-0.3, 0.3)])
-    shape = {"type": kind, "radius": RIM, "mass": 1} | ({} if kind == "disc" else {"length": 0.08})
     above = turn.apply([0.0, 0.0, 0.0 if kind == "disc" else 0.04]) + np.array([*center, 1.05 * RIM * tilt])
-    end = {"type": "free", "between": ["ground", "end"], "position": [*above], "velocity": [*(speed * outward), 0.0]}
-    end |= {"orientation": {"quaternion": [*np.roll(turn.as_quat(), 1)]}}
+    simulation = Simulation.from_text(end_and_table(kind), step=step, live=["contacts.c.friction"])
+    simulation.set_live({"contacts.c.friction": friction})
+    simulation.reset([*above, *np.roll(turn.as_quat(), 1)], [*(speed * outward), 0.0, 0.0, 0.0, 0.0])
+    return simulation
+
+
+def end_and_table(kind):
+    """One mechanism for all starts of a kind, which is built once."""
+    shape = {"type": kind, "radius": RIM, "mass": 1} | ({} if kind == "disc" else {"length": 0.08})
     table = {"type": "block", "size": [*(2.0 * HALF)], "at": [0, 0, -HALF[2]], "mass": 1}
+    end = {"type": "free", "between": ["ground", "end"], "position": [0, 0, 1]}
     joints = {"table": {"type": "fixed", "between": ["ground", "table"]}, "end": end}
     parts = {"end": {"shape": shape}, "table": {"shape": table}}
-    contacts = {"c": {"between": ["end", "table"], "friction": friction}}
+    contacts = {"c": {"between": ["end", "table"], "friction": 0.2}}
     return json.dumps({"mechanism": "falling", "parts": parts, "joints": joints, "contacts": contacts})
 
 
@@ -140,7 +147,7 @@ def test_an_end_that_falls_flat_over_an_edge_keeps_its_energy(kind, place, seed,
     Or its energy was wrong, where another point of the edge began to bear it at a velocity of its own; and an edge that
     comes to lie flat on the end, within it, was new there.
     """
-    simulation = Simulation.from_text(falling(kind, place, seed), step=step)
+    simulation = falling(kind, place, seed, step)
     simulation.run(until=0.026)
     assert simulation.contact_event_count > 10
     assert all(event.change is not ContactChange.BOUND for event in simulation.contact_events)
@@ -153,9 +160,9 @@ def test_an_edge_beneath_an_arc_does_not_stop_an_end(kind, seed):
 
     Their velocity along the face can only change as far as they are tilted.
     """
-    simulation = Simulation.from_text(falling(kind, "edge", seed, friction=0.0), step=1e-3)
+    simulation = falling(kind, "edge", seed, 5e-4, friction=0.0)
     start = simulation.u[:2].copy()
-    simulation.step(30)
+    simulation.run(until=0.03)
     turn = Rotation.from_quat(np.roll(simulation.q[3:7], -1)).as_matrix()
     assert np.hypot(*turn[:2, 2]) < 0.1 * FLAT_TILT
     assert np.linalg.norm(simulation.u[:2] - start) < 3e-4 * np.linalg.norm(start)

@@ -95,14 +95,14 @@ def test_a_point_beside_a_sharp_tip_is_not_inside_its_far_side():
 def test_outlines_overlap_as_convex_polygons_do_where_a_corner_passes_a_corner():
     """Also where neither corner is inside the other outline any more, as it has left that on the other side."""
     signs = {True: 0, False: 0}
-    for seed in range(700):
+    for seed in range(350):
         one, other, (x, y), angle = corner_at_corner(seed)
         depth = overlap(turned(one, angle) + np.array([x, y]), other)
         if abs(depth) > CLEAR and depth < 0.01:
             phase = pair(built(one.tolist()), built(other.tolist()))
             assert (phase.distance(at(x, y, angle), at(0.0, 0.0)) < 0.0) == (depth > 0.0), seed
             signs[depth > 0.0] += 1
-    assert min(signs.values()) > 50
+    assert min(signs.values()) > 25
 
 
 def test_a_corner_that_has_left_an_outline_beside_another_contact_still_overlaps():
@@ -116,7 +116,7 @@ def test_a_corner_that_has_left_an_outline_beside_another_contact_still_overlaps
 def test_corners_touch_where_their_distance_is_zero_however_near_they_pass_each_other():
     """What is a little beyond the end of its piece, and meets first there, does not count: it does not touch."""
     count = 0
-    for seed in range(300):
+    for seed in range(150):
         one, other, _, angle = corner_at_corner(seed)
         aside = 10.0 ** np.random.default_rng([seed, 1]).uniform(-11.0, -8.0, 2)
         phase, outward = pair(built(one.tolist()), built(other.tolist())), other[0] - other.mean(axis=0)
@@ -132,7 +132,7 @@ def test_corners_touch_where_their_distance_is_zero_however_near_they_pass_each_
         assert phase.distance(place, at(0.0, 0.0)) < TOLERANCE, seed
         assert phase.touching(place, at(0.0, 0.0), TOLERANCE), seed
         count += 1
-    assert count > 50
+    assert count > 25
 
 
 def test_an_outline_within_another_one_penetrates_it():

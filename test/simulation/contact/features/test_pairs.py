@@ -163,11 +163,12 @@ contacts: {c: {between: [ball, wall]}}
 def test_too_many_rows_are_refused_with_their_number():
     names = [f"b{k}" for k in range(11)]
     parts = "\n".join(f"  {name}: {{shape: {{type: block, size: [1, 1, 1], mass: 1}}}}" for name in names)
+    points = ", ".join(f"p{k}: [{2 * k}, 0, 0]" for k in range(11))
     joints = "\n".join(
-        f"  {name}: {{type: free, between: [ground, {name}], position: [{2 * k}, 0, 0]}}"
-        for k, name in enumerate(names)
-    )
-    text = f"mechanism: heap\nparts:\n{parts}\njoints:\n{joints}\ncontacts: {{heap: {{among: [{', '.join(names)}], friction: 1}}}}"
+        f"  {name}: {{type: spherical, between: [ground.p{k}, {name}]}}" for k, name in enumerate(names)
+    )  # on free joints they would share slots
+    head = f"mechanism: heap\nground: {{points: {{{points}}}}}\nparts:\n{parts}\njoints:\n{joints}"
+    text = f"{head}\ncontacts: {{heap: {{among: [{', '.join(names)}], friction: 1}}}}"
     with pytest.raises(MechanismError, match=r"have 1320 rows, 1320 of them here; up to 1200 are possible"):
         Simulation(parse_mechanism(text))
 

@@ -75,7 +75,7 @@ def numbers_of(chance, least):
 def test_a_rim_touches_where_it_does_and_not_where_it_is_apart(kinds):
     """Also where the normal is all but the axis of a rim, near which steps from other normals did not find it."""
     chance, pair = np.random.default_rng(3), SmoothPair(*(BODIES[kind][0] for kind in kinds), 8)
-    for _ in range(40):
+    for _ in range(25):
         numbers, spin = numbers_of(chance, -7.0), Rotation.random(rng=chance)
         apart = 10.0 ** chance.uniform(-9.0, -3.0)
         poses, _, _ = touching(kinds, numbers, spin)
@@ -88,7 +88,7 @@ def test_a_row_follows_a_rim_past_the_axis(kinds):
     """As the normal turns, with the numbers of before: the steps of a row led past it near the axis."""
     chance, bodies = np.random.default_rng(4), tuple(BODIES[kind][0] for kind in kinds)
     pair = SmoothPair(*bodies, 8)
-    for _ in range(3):
+    for _ in range(2):
         tilts, psi, turns = numbers_of(chance, -5.0)
         spin = Rotation.random(rng=chance)
         poses, _, _ = touching(kinds, (tilts, psi, turns), spin)

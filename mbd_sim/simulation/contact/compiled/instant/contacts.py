@@ -49,18 +49,23 @@ class Contacts:
     where they are 0, such steps are left to others, and events are forgotten.
 
     The poses of mechanisms with slots are `places` numbers, with those of ground, and the `body_pairs` pairs of bodies
-    that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. There are
+    that have slots are `bodies`, see `pairs`; a gap in m counts as zero up to the `accuracy`. Once a pool has had too
+    few slots, `lacking` (1,) is not 0, and the step is left to others. Pairs have `held_slots` (1,) of pools. To tell
+    soon that bodies are far from each other, memory is kept: the `latest` poses of the parts, how far the centers of
+    bodies, up to `reaches` (parts,) from the origins, have `travelled` (parts,) until then at most, and in the last
+    step, `stepped` (parts,). There are
     `inputs`, and behind them `history` numbers of the method, which hold the inputs that they belong to from
     `kept_inputs` on, if that is not 0. The `held_count` numbers `held` of a state change between
     steps only. Slip below the speed `slow` has the stored direction. States have `size` numbers, the speeds are those
     from `first_speed` on, and the losses follow `first_loss`. The modes are the inputs from `first_mode` on, and those
-    from their number `first_feature` on are the features of slots. Friction element k has the rows 2 k and 2 k + 1 of
-    `friction_rows`, the second of which is -1 along one direction, and the gap `friction_gaps` k or -1; along two
-    directions it is number `pair_places` k of the `pairs`. If it depends on one of the `loaded` joints, that is number
-    `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components` j numbers
-    without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j on. The
-    `singles` have one component and a guard each, after all others. `radau` are the nodes of collocation, after 0, and
-    its coefficients row by row.
+    from their number `first_feature` on are the features of slots. The gaps from `first_pooled` on are those of pools,
+    and the modes from `first_holder` on the numbers of the pairs that have them. Friction element k has the rows 2 k
+    and 2 k + 1 of `friction_rows`, the second of which is -1 along one direction, and the gap `friction_gaps` k or -1;
+    along two directions it is number `pair_places` k of the `pairs`. If it depends on one of the `loaded` joints, that
+    is number `friction_loads` k, otherwise -1. Load j belongs to the element `load_elements` j; its `load_components`
+    j numbers without contact forces, and then those by each row, are in what `joint_loads` gives from `load_offsets` j
+    on. The `singles` have one component and a guard each, after all others. `radau` are the nodes of collocation, after
+    0, and its coefficients row by row.
     """
 
     simple: bool
@@ -93,6 +98,12 @@ class Contacts:
     radau: Array
     body_pairs: int
     bodies: Integers
+    lacking: Integers
+    held_slots: Integers
+    reaches: Array
+    latest: Array
+    stepped: Array
+    travelled: Array
     accuracy: float
     inputs: int
     history: int
@@ -104,6 +115,8 @@ class Contacts:
     first_mode: int
     modes: int
     first_feature: int
+    first_pooled: int
+    first_holder: int
     first_speed: int
     speeds: int
     first_loss: int
