@@ -331,7 +331,8 @@ class Candidates:
         smallest = min(self._reserves.values(), default=0.0)
         softest = NARROWED_SOFTEST if self._narrowed else SOFTEST
         for index, reserve in self._reserves.items():
-            weights[list(model.frictions[index][0])] *= max((smallest / reserve) ** 2, softest)
+            share = smallest / reserve if reserve else 1.0
+            weights[list(model.frictions[index][0])] *= max(share**2, softest)
         weights[loaded] *= SOFTEST  # what slides supports nothing
         modes[[first + row for row in (*basis, *loaded)]] = weights[[*basis, *loaded]]
         modes[[first + row for row in dependent]] = -weights[dependent]

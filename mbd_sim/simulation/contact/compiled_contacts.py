@@ -34,7 +34,7 @@ CHANGES = {
     step.BOUND: ContactChange.BOUND,
 }
 
-Decide: TypeAlias = Callable[[float, Marks, Array, Marks, Marks, bool], int]
+Decide: TypeAlias = Callable[[float, Marks, Array, Marks, Marks, bool, float], int]
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class CompiledContacts:
         """Say what makes the changes of events that are not simple, and what takes the events."""
         model = self._model
 
-        def decided(time: float, reached: int, old: int, opening: int, yielding: int, elastic: int) -> int:
+        def decided(time: float, reached: int, old: int, opening: int, yielding: int, elastic: int, rest: float) -> int:
             marks = (
                 _view(ctypes.c_int64, opening, model.layout.gaps),
                 _view(ctypes.c_int64, yielding, len(model.frictions)),
@@ -159,7 +159,7 @@ class CompiledContacts:
                 _view(ctypes.c_double, old, model.layout.size),
             )
             try:
-                return decide(time, into, modes, *marks, bool(elastic))
+                return decide(time, into, modes, *marks, bool(elastic), rest)
             except BaseException as error:  # which must not pass through compiled code
                 self._failures.append(error)
                 return step.NO_SOLUTION

@@ -18,7 +18,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.candidates import RESTING
 from mbd_sim.simulation.contact.compiled.instant.impact import JAMMED, SMALL
-from mbd_sim.simulation.contact.complementarity import least_solution, product
+from mbd_sim.simulation.contact.complementarity import independent, least_solution, product
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 
@@ -175,9 +175,11 @@ def largest_factor(loss: Callable[[float], float], last: float, enough: float) -
 def _slow_at_rest(
     model: OneSidedModel, readings: OneSidedReadings, matrix: Array, gaps: list[int], friction: list[int], rest: Array
 ) -> tuple[Array, float] | None:
-    """As `_resting`, of these gaps with the slow rows of their friction, or of the gaps alone."""
+    """As `_resting`, of these gaps with the slow rows of their friction, or the independent ones of them, or none."""
     slip = [row for row in friction if abs(readings.rates[row]) <= rest[row]]
-    tried = (_resting(model, readings, matrix, rows, rest) for rows in ([*gaps, *slip], gaps))
+    apart = frozenset(independent(matrix, [*gaps, *slip]))
+    chosen = ([*gaps, *slip], [*gaps, *(row for row in slip if row in apart)], gaps)
+    tried = (_resting(model, readings, matrix, rows, rest) for rows in chosen)
     return next((found for found in tried if found is not None), None)
 
 

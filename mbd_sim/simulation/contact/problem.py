@@ -25,81 +25,9 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.compiler.ir.python_kinds import packed
-from mbd_sim.simulation.contact.compiled.instant.forces import ACCURATE, SLIPS, SOFTNESS, UNPRESSED, ForceProblem
+from mbd_sim.simulation.contact.compiled.instant.forces import ACCURATE, SOFTNESS, ForceProblem
 from mbd_sim.simulation.contact.compiled.library import called
-from mbd_sim.simulation.contact.complementarity import least_solution, pivots, product, solve
-
-SHARING_STEPS, SETTLED = 60, 1e-15  # until forces that are shared do not change any more, relative to their size
-
-
-def shared_forces(problem: ContactProblem, forces: Array) -> Array:
-    """The forces of least Σ C λ² near some that satisfy all conditions: with the same contacts closed, and sticking.
-
-    Friction that slides follows its normal force in the direction that it has.
-    """
-    assert problem.compliance is not None
-    size = float(np.abs(forces).max())
-    pressed = [row for row in problem.normals if forces[row] > 0.0]
-    closed = _closed(problem, forces)
-    for _ in range(SHARING_STEPS):
-        unit, constant, held = _followers(problem, forces, closed)
-        matrix, free = product(problem.matrix, unit), problem.rates(constant)
-        chosen, others = [*pressed, *held], [row for row in closed if row not in pressed]
-        own = matrix[chosen][:, chosen]
-        found = least_solution(own, -free[chosen], problem.compliance[chosen])
-        duals = solve(own.T, problem.compliance[chosen] * found)
-        pulls = [row for row, force in zip(pressed, found.tolist(), strict=False) if force < -UNPRESSED * size]
-        pressed = [row for row in pressed if row not in pulls]
-        gains = product(matrix[chosen][:, others].T, duals)
-        added = [row for row, gain in zip(others, gains.tolist(), strict=True) if gain > UNPRESSED * size and not pulls]
-        pressed = sorted([*pressed, *added])
-        new = constant + product(unit[:, chosen], found)
-        change, forces = float(np.abs(new - forces).max()), new
-        if not pulls and not added and change <= SETTLED * size:
-            break
-    return forces
-
-
-def _closed(problem: ContactProblem, forces: Array) -> list[int]:
-    """The normal rows that bear a force, or could bear one."""
-    still = UNPRESSED * float(np.abs(forces).max())
-    values, rates = forces.tolist(), problem.rates(forces).tolist()
-    return [row for row in problem.normals if values[row] > 0.0 or rates[row] <= still]
-
-
-def _slow(forces: Array) -> float:
-    """The rate beyond which friction at its limit slides."""
-    return SLIPS * SOFTNESS * (1.0 + float(np.abs(forces).max()))
-
-
-def _followers(problem: ContactProblem, forces: Array, closed: Sequence[int]) -> tuple[Array, Array, list[int]]:
-    """All forces are `unit` (n, n) times those of the normal rows and of the `held` ones, and `constant` (n,).
-
-    There is no friction at normal rows that are not `closed`.
-    """
-    n, rates, slow = len(forces), problem.rates(forces), _slow(forces)
-    trial, speeds = (forces - rates).tolist(), rates.tolist()
-    unit, constant, held = np.zeros((n, n)), np.zeros(n), list[int]()
-    for row in problem.normals:
-        unit[row, row] = 1.0
-    for friction in problem.frictions:
-        if friction.normal is not None and friction.normal not in closed:
-            continue
-        own = [trial[row] for row in friction.rows]
-        limit = friction.size * (1.0 if friction.normal is None else float(forces[friction.normal]))
-        length, slips = math.hypot(*own), math.hypot(*(speeds[row] for row in friction.rows)) > slow
-        at_rest = length < limit * (1.0 - UNPRESSED) or not (slips or friction.normal is None)
-        if at_rest:
-            held += friction.rows
-        for row, force in zip(friction.rows, own, strict=True):
-            if at_rest:
-                unit[row, row] = 1.0
-            elif length > 0.0 and friction.normal is None:
-                constant[row] = force * (limit / length)
-            elif length > 0.0:
-                unit[row, friction.normal] = force * (friction.size / length)
-    return unit, constant, held
-
+from mbd_sim.simulation.contact.complementarity import pivots
 
 STIFFER, LEAST_RATIO = 10.0, 1.01  # ratios of the softnesses of supports that become rigid, from one to the next
 RIGID = 1e-13  # softness that is not distinguished from that of rigid ones
@@ -131,6 +59,11 @@ class ContactProblem:
     normals: Sequence[int]
     frictions: Sequence[FrictionLimit]
     compliance: Array | None = None
+
+    @property
+    def supports(self) -> Array:
+        """The compliance (n,) of the supports."""
+        return np.ones(len(self.free)) if self.compliance is None else self.compliance
 
     @cached_property
     def packed(self) -> NDArray[np.int64]:
@@ -169,7 +102,9 @@ def contact_forces(problem: ContactProblem, *, settled: bool = True) -> Array:
     :raises NoSolutionError: there is none, or none was found.
     """
     unique = np.zeros(len(problem.free))
-    if called("unique_forces", problem.packed, unique):
+    if settled and called("settled_forces", problem.packed, problem.supports, unique):
+        return unique
+    if not settled and called("unique_forces", problem.packed, unique):
         return unique
     for rows in (islands := _islands(problem)):
         unique[rows] = _forces_together(problem if len(islands) == 1 else _island(problem, rows), settled=settled)
@@ -210,11 +145,18 @@ def _forces_together(problem: ContactProblem, *, settled: bool) -> Array:
     elastic = _elastic(scaled)
     if elastic is None:
         elastic = _solution(scaled, rigid, start)
-    for forces in [shared_forces(scaled, elastic), elastic] if settled else [elastic]:
+    for forces in [_shared(scaled, elastic), elastic] if settled else [elastic]:
         if _natural(scaled, forces) <= ACCURATE:
             return _newton(scaled, forces)[0] * scale
     polished, residual = _newton(scaled, elastic)
     return (polished if residual <= ACCURATE else _solution(scaled, rigid, start)) * scale
+
+
+def _shared(problem: ContactProblem, forces: Array) -> Array:
+    """The forces of least Σ C λ² near some that satisfy all conditions: see `compiled.least_forces.share`."""
+    found = forces.copy()
+    called("share", problem.packed, problem.supports, found)
+    return found
 
 
 def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:

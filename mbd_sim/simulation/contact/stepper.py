@@ -126,10 +126,12 @@ class OneSidedStepper:
         self._new.clear()
         self._model.modes(inputs)[:] = 0.0
         self._contacts.renew(time, y, inputs)
-        self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True)
+        self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, self._rest_speed)
         self._keep_new()
 
-    def _decide(self, time: float, into: Marks, old: Array, opening: Marks, yielding: Marks, elastic: bool) -> int:
+    def _decide(
+        self, time: float, into: Marks, old: Array, opening: Marks, yielding: Marks, elastic: bool, rest: float
+    ) -> int:
         """Make the changes whose guards are zero or negative: whether anything has changed.
 
         :param into: becomes 1 for these guards.
@@ -153,12 +155,14 @@ class OneSidedStepper:
         yielding[at_limit] = 1
         opens, yields = (frozenset(np.flatnonzero(marks).tolist()) for marks in (opening, yielding))
         goes_on = frozenset(sliding) if np.any(reached) else frozenset[int]()
-        self._resolve(time, y, inputs, Forced(opens, yields, sliding=goes_on), touched, elastic)
+        self._resolve(time, y, inputs, Forced(opens, yields, sliding=goes_on), touched, elastic, rest)
         self._record_changes(time, old, modes)
         is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
         return SAME if is_same else CHANGED
 
-    def _resolve(self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool) -> None:
+    def _resolve(
+        self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, rest: float
+    ) -> None:
         """Impacts of touching contacts that approach, then the new modes."""
         model = self._model
         readings = model.readings(time, y, inputs)
@@ -167,14 +171,14 @@ class OneSidedStepper:
         rates = readings.rates[:gaps] / model.speeds[:gaps]
         returning = touched & (rates > RESTING)
         if np.any(touching & (rates < -RESTING)) or np.any(returning):
-            self._impact(time, y, inputs, readings, touching, returning, elastic)
+            self._impact(time, y, inputs, readings, touching, returning, elastic, rest)
             self._find(time, y, inputs, Forced(), touching)
             after = model.readings(time, y, inputs)
             returning = return_at_once(model, after, model.terms(time, y, inputs), inputs, touching, self._tolerance)
             if not np.any(returning):
                 return
             touching &= returning | (model.modes(inputs)[model.layout.closed] != 0.0) | model.clutches
-            self._impact(time, y, inputs, after, touching, returning, elastic)
+            self._impact(time, y, inputs, after, touching, returning, elastic, rest)
             forced = Forced()
         self._find(time, y, inputs, forced, touching)
 
@@ -233,11 +237,12 @@ class OneSidedStepper:
         touching: Mask,
         returning: Mask,
         elastic: bool,
+        rest: float,
     ) -> None:
         model = self._model
         touching = touching | model.clutches  # an impact elsewhere may engage them
         try:
-            found = impact(model, time, y, inputs, readings, touching, returning, self._rest_speed, elastic)
+            found = impact(model, time, y, inputs, readings, touching, returning, rest, elastic)
         except NoSolutionError as error:
             raise self._unsolved(time, y, inputs, touching, NO_IMPULSES) from error
         gaps = range(len(touching))

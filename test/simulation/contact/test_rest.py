@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.simulation.contact.candidates import RESTING
-from mbd_sim.simulation.contact.impact import _resting
+from mbd_sim.simulation.contact.impact import _resting, _slow_at_rest
 from mbd_sim.simulation.contact.records import ContactChange
 
 LENGTH, TILT, SPEED, APPROACH = 0.8, 1e-4, 4e-2, 1e-6  # m, rad, m/s, m/s
@@ -99,3 +99,20 @@ def test_rows_that_nearly_depend_on_each_other_come_to_rest_or_are_left_to_the_l
             assert np.max(np.abs(rates + matrix @ found[0])) <= RESTING
     assert all(left[:6])
     assert not any(left[8:])
+
+
+def test_a_slip_that_depends_on_others_does_not_keep_them_from_rest():
+    """All friction was left out then: what slipped so slowly raised contacts again and again, without end."""
+    chance, rest, ones = np.random.default_rng(1), 1e-5, np.ones(5)
+    model = SimpleNamespace(layout=SimpleNamespace(rows=5), compliance=ones, speeds=ones)
+    rows = chance.normal(size=(5, 7))  # of G, with M = 1: two gaps, and three rows of friction
+    rows[3] = 0.5 * rows[0] + rows[2]
+    rates = 0.1 * rest * (rows @ chance.normal(size=7))
+    rates[3] += 0.01 * rest  # no motion of rigid bodies: as two slips that round-off sets apart
+    matrix = rows @ rows.T
+    readings = SimpleNamespace(rates=rates)
+    assert _resting(model, readings, matrix, [0, 1, 2, 3, 4], rest * ones) is None
+    impulses, _ = _slow_at_rest(model, readings, matrix, [0, 1], [2, 3, 4], rest * ones)
+    after = np.abs(rates + matrix @ impulses)
+    assert np.max(after[[0, 1, 2, 4]]) <= RESTING
+    assert after[3] == pytest.approx(0.01 * rest, rel=1e-6)

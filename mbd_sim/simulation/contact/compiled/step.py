@@ -37,7 +37,12 @@ from mbd_sim.simulation.contact.compiled.touching import end_step, renew
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step
 MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
+FEW_AT_ONCE, AT_ONCE = 4, 1e-9  # the same in a step with many events, and how long an instant is there, of the step
 BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
+DENSE = 100  # events in one step, beyond which the next one is sought near first, and contacts come to rest sooner
+SOONER = 1.2  # times the speed at which they do, with each further event
+NEAR = 8.0  # times the latest time between events, within which it is sought
+KEPT = 0.5  # of that time, which counts after one event more, however soon that came
 CREEPING = 20  # parts of a step that end with a slip which counts as zero, until it stops if it can
 CLOSED, OPENED, STICKS, SLIDES, IMPACT, ENERGIES, BOUND = 0, 1, 2, 3, 4, 5, 6  # changes
 # Of an event: its time, the change, the gap or friction element, and of an impact the impulse and the loss. Energies
@@ -163,17 +168,22 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
     t, instants, creeping, longest, is_ignored = start, 0, 0, math.inf, False
     brief, count, status, length, result, creeps = BRIEF * (end - start), 0, 0, 0.0, 0, False
     ignored, opening, yielding, found = integers(c.guards), integers(c.gaps), integers(c.frictions), zeros(3)
+    near, between, passed, rest = math.inf, 0.0, 0.0, c.rest_speed
+    fastest = max(rest, c.unit_speed * c.unit_rate * (end - start))
     for _ in range(MOST_STAGES):
-        length = min(end - t, brief) if is_ignored else end - t
+        length = min(min(end - t, near), brief) if is_ignored else min(end - t, near)
         status = stage(c, y, inputs, t, length, longest, ignored, found)
         if status < 0:
             return NOT_FINITE
         length = found[0]
         longest = math.inf if status == EVENT else found[2]
         is_last = length >= end - t
+        passes = length > (AT_ONCE * (end - start) if instants > DENSE else 0.0)
         t = end if is_last else t + length
+        passed += length
+        near *= LONGER
         creeping += 1 if found[1] > 0.0 else 0
-        if length > 0.0 and (status == EVENT or creeping > CREEPING or is_ignored):
+        if passes and (status == EVENT or creeping > CREEPING or is_ignored):
             count = 0
             clear(c.gaps, opening)
             clear(c.frictions, yielding)
@@ -181,18 +191,22 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
             creeps = status != EVENT
             creeping = 0
             instants += 1
+            between, passed = max(passed, KEPT * between), 0.0
+            if instants > DENSE:
+                near = NEAR * between if between > 0.0 else math.inf
+                rest = min(SOONER * rest, fastest)
             if instants > 2 * MOST_EVENTS:
                 break
             count += 1
-            result = change(c, t, y, inputs, opening, yielding, instants <= MOST_EVENTS, ignored, events, counts)
+            result = change(c, t, y, inputs, opening, yielding, instants <= MOST_EVENTS, rest, ignored, events, counts)
             if result < 0:
                 return HARD if result == NOT_SIMPLE else UNSOLVED
             if creeps and result == SAME:
                 creeping = -MOST_STAGES  # a slip that counts as zero goes on
-            is_ignored = (count > 1 and result == SAME) or count > MOST_AT_ONCE
+            is_ignored = (count > 1 and result == SAME) or count > (FEW_AT_ONCE if instants > DENSE else MOST_AT_ONCE)
             if not is_ignored:
                 clear(c.guards, ignored)
-        elif length > 0.0:
+        elif passes:
             if is_ignored:
                 brief = LONGER * brief
             is_ignored = False
@@ -209,7 +223,7 @@ def step(c: Contacts, y: Array, inputs: Array, start: float, end: float, events:
 
 def change(
     c: Contacts, t: float, y: Array, inputs: Array, opening: Integers, yielding: Integers, elastic: bool,
-    reached: Integers, events: Array, counts: Integers,
+    rest: float, reached: Integers, events: Array, counts: Integers,
 ) -> int:  # fmt: skip
     """Make the changes of an event, see `switch`; those that are not simple are left to others."""
     old, kept, saved, before = zeros(c.modes), zeros(c.size), zeros(c.modes), counts[0]
@@ -220,7 +234,7 @@ def change(
         saved[i] = inputs[c.first_mode + i]
     for i in range(c.size):
         kept[i] = y[i]
-    result = switch(c, t, y, inputs, old, opening, yielding, elastic, reached, events, counts)
+    result = switch(c, t, y, inputs, old, opening, yielding, elastic, rest, reached, events, counts)
     if result != NOT_SIMPLE or c.decide == 0:
         return result
     for i in range(c.modes):
@@ -228,7 +242,7 @@ def change(
     for i in range(c.size):
         y[i] = kept[i]
     counts[0] = before
-    return DECIDE(c.decide, t, reached, old, opening, yielding, 1 if elastic else 0)
+    return DECIDE(c.decide, t, reached, old, opening, yielding, 1 if elastic else 0, rest)
 
 
 def clear(n: int, marks: Integers) -> None:
@@ -239,7 +253,7 @@ def clear(n: int, marks: Integers) -> None:
 
 def switch(
     c: Contacts, t: float, y: Array, inputs: Array, old: Array, opening: Integers, yielding: Integers, elastic: bool,
-    reached: Integers, events: Array, counts: Integers,
+    rest: float, reached: Integers, events: Array, counts: Integers,
 ) -> int:  # fmt: skip
     """Make the changes whose guards are zero or negative, which become those that are `reached`.
 
@@ -272,7 +286,7 @@ def switch(
         sliding[k] = slides(c, inputs, k) and not is_stop
     for i in range(c.speeds):
         speeds[i] = y[c.first_speed + i]
-    if not resolve(c, t, y, inputs, readings, opening, yielding, sliding, touched, elastic, events, counts):
+    if not resolve(c, t, y, inputs, readings, opening, yielding, sliding, touched, elastic, rest, events, counts):
         return NOT_SIMPLE
     record_changes(c, t, old, inputs, events, counts)
     for i in range(c.modes):
@@ -309,7 +323,7 @@ def goes_on(
 
 def resolve(
     c: Contacts, t: float, y: Array, inputs: Array, readings: Array, opening: Integers, yielding: Integers,
-    sliding: Integers, touched: Integers, elastic: bool, events: Array, counts: Integers,
+    sliding: Integers, touched: Integers, elastic: bool, rest: float, events: Array, counts: Integers,
 ) -> bool:  # fmt: skip
     """Impacts of touching contacts that approach, then the new modes; False where these are not simple.
 
@@ -327,21 +341,21 @@ def resolve(
         return find_modes(c, t, y, inputs, readings, terms, opening, yielding, sliding)
     for gap in range(c.gaps):
         touching[gap] = touching[gap] or c.clutches[gap]  # an impact elsewhere may engage them
-    if not strike(c, t, y, inputs, readings, terms, touching, returning, elastic, events, counts):
+    if not strike(c, t, y, inputs, readings, terms, touching, returning, elastic, rest, events, counts):
         return False
     if return_at_once(c, inputs, readings, terms, touching, returning):
-        return strike(c, t, y, inputs, readings, terms, touching, returning, elastic, events, counts)
+        return strike(c, t, y, inputs, readings, terms, touching, returning, elastic, rest, events, counts)
     return True
 
 
 def strike(
     c: Contacts, t: float, y: Array, inputs: Array, readings: Array, terms: Array, touching: Integers,
-    returning: Integers, elastic: bool, events: Array, counts: Integers,
+    returning: Integers, elastic: bool, rest: float, events: Array, counts: Integers,
 ) -> bool:  # fmt: skip
     """The impact of gaps that touch, and the modes after it; False where these are not simple."""
     impulses, u_change, loss = zeros(c.rows), zeros(c.speeds), zeros(1)
     none_opening, none = integers(c.gaps), integers(c.frictions)
-    if not impact(c, t, y, inputs, readings, terms, touching, returning, elastic, impulses, u_change, loss):
+    if not impact(c, t, y, inputs, readings, terms, touching, returning, elastic, rest, impulses, u_change, loss):
         return False
     apply(c, t, y, inputs, impulses, u_change, loss[0], events, counts)
     read(c, t, y, inputs, readings)

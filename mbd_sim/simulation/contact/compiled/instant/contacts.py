@@ -15,7 +15,7 @@ READ_STATE = External("None", ("Array", "Array", "Array"))
 READ = External("None", ("Array", "Array", "Array", "Array"))
 PROJECT = External("int", ("Array", "Array", "float"))
 READ_RESPONSE = External("None", ("Array", "Array", "Array", "Array", "Array"))
-DECIDE = External("int", ("float", "Integers", "Array", "Integers", "Integers", "int"))
+DECIDE = External("int", ("float", "Integers", "Array", "Integers", "Integers", "int", "float"))
 NOTE = External("None", ())
 
 

@@ -71,7 +71,24 @@ def scaled_problem(p: ForceProblem, matrix: Array, free: Array, sizes: Array, sc
 
     The rows of one friction element keep a common scale, so that its circle stays one, and so does its normal row.
     """
-    n, diagonal, weights = p.n, zeros(p.n), zeros(p.n)
+    n, weights, size = p.n, zeros(p.n), 0.0
+    find_weights(p, weights)
+    for i in range(n):
+        free[i] = weights[i] * p.free[i]
+        size = max(size, abs(free[i]))
+    size = size if size > 0.0 else 1.0
+    for i in range(n):
+        free[i] = free[i] / size
+        scale[i] = size * weights[i]
+        for j in range(n):
+            matrix[i * n + j] = p.matrix[i * n + j] * weights[i] * weights[j]
+    for k in range(p.frictions):
+        sizes[k] = p.sizes[k] / scale[p.friction_rows[2 * k]] if p.loads[k] < 0 else p.sizes[k]
+
+
+def find_weights(p: ForceProblem, weights: Array) -> None:
+    """The factors (n,) of the rows of a scaled problem."""
+    n, diagonal = p.n, zeros(p.n)
     for i in range(n):
         diagonal[i] = p.matrix[i * n + i]
     changed = True
@@ -85,19 +102,8 @@ def scaled_problem(p: ForceProblem, matrix: Array, free: Array, sizes: Array, sc
             if diagonal[first] != largest or diagonal[second] != largest or diagonal[load] != largest:
                 diagonal[first], diagonal[second], diagonal[load] = largest, largest, largest
                 changed = True
-    size = 0.0
     for i in range(n):
         weights[i] = 1.0 / math.sqrt(diagonal[i] if diagonal[i] > 0.0 else 1.0)
-        free[i] = weights[i] * p.free[i]
-        size = max(size, abs(free[i]))
-    size = size if size > 0.0 else 1.0
-    for i in range(n):
-        free[i] = free[i] / size
-        scale[i] = size * weights[i]
-        for j in range(n):
-            matrix[i * n + j] = p.matrix[i * n + j] * weights[i] * weights[j]
-    for k in range(p.frictions):
-        sizes[k] = p.sizes[k] / scale[p.friction_rows[2 * k]] if p.loads[k] < 0 else p.sizes[k]
 
 
 def by_lemke(p: ForceProblem, forces: Array) -> bool:

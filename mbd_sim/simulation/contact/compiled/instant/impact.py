@@ -27,13 +27,15 @@ ELASTIC_REST = 1e-9  # of the natural speed, the approach speed below which even
 
 def impact(
     c: Contacts, t: float, y: Array, inputs: Array, readings: Array, terms: Array, touching: Integers,
-    returning: Integers, elastic: bool, impulses: Array, u_change: Array, loss: Array,
+    returning: Integers, elastic: bool, rest: float, impulses: Array, u_change: Array, loss: Array,
 ) -> bool:  # fmt: skip
     """The `impulses` (rows,), the change of u, and the `loss` of energy; False where they are not simple to find.
 
     :param terms: see `read_terms`.
     :param touching: 1 for gaps (gaps,) that take part.
     :param returning: 1 for gaps that open so slowly that they close again before they differ from zero.
+    :param elastic: False: nothing rebounds.
+    :param rest: approach speed in m/s below which a contact does not rebound.
     """
     e, time = zeros(c.gaps), zeros(1)
     READ_INPUTS(c.restitution, inputs, e)
@@ -41,12 +43,12 @@ def impact(
     for gap in range(c.gaps):
         if touching[gap]:
             rate = readings[rate_at(c, gap)]
-            slowly = slowly and rate >= -slow_of(c, e, gap)
-            is_resting = is_resting or abs(rate) <= slow_of(c, e, gap) or returning[gap] != 0
+            slowly = slowly and rate >= -slow_of(c, e, rest, gap)
+            is_resting = is_resting or abs(rate) <= slow_of(c, e, rest, gap) or returning[gap] != 0
     if slowly and is_resting:
-        found = resting_impulses(c, readings, terms, e, touching, returning, impulses, loss)
+        found = resting_impulses(c, readings, terms, e, rest, touching, returning, impulses, loss)
     else:
-        found = rebound(c, readings, terms, e, touching, elastic, impulses, loss)
+        found = rebound(c, readings, terms, e, touching, elastic, rest, impulses, loss)
     if not found or is_jammed(c, readings, touching, impulses):
         return False
     time[0] = t
@@ -89,9 +91,9 @@ def is_jammed(c: Contacts, readings: Array, touching: Integers, impulses: Array)
     return largest > JAMMED * fastest
 
 
-def slow_of(c: Contacts, e: Array, gap: int) -> float:
+def slow_of(c: Contacts, e: Array, rest: float, gap: int) -> float:
     """The approach speed below which a gap closes without a rebound."""
-    return ELASTIC_REST * c.row_speeds[gap] if e[gap] == 1.0 else c.rest_speed * c.row_speeds[gap] / c.unit_speed
+    return ELASTIC_REST * c.row_speeds[gap] if e[gap] == 1.0 else rest * c.row_speeds[gap] / c.unit_speed
 
 
 def sliding_size(c: Contacts, terms: Array, element: int) -> float:
@@ -100,7 +102,7 @@ def sliding_size(c: Contacts, terms: Array, element: int) -> float:
 
 
 def resting_impulses(
-    c: Contacts, readings: Array, terms: Array, e: Array, touching: Integers, returning: Integers,
+    c: Contacts, readings: Array, terms: Array, e: Array, rest: float, touching: Integers, returning: Integers,
     impulses: Array, loss: Array,
 ) -> bool:  # fmt: skip
     """What brings the rates of all these rows to zero; so infinitely many impacts end.
@@ -109,7 +111,7 @@ def resting_impulses(
     """
     chosen, count = integers(c.rows), 0
     for gap in range(c.gaps):
-        if touching[gap] and (abs(readings[rate_at(c, gap)]) <= slow_of(c, e, gap) or returning[gap]):
+        if touching[gap] and (abs(readings[rate_at(c, gap)]) <= slow_of(c, e, rest, gap) or returning[gap]):
             chosen[count] = gap
             count += 1
     resting = count
@@ -121,7 +123,7 @@ def resting_impulses(
             if chosen[position] == gap:
                 for direction in range(2):
                     row = c.friction_rows[2 * k + direction]
-                    if row >= 0 and abs(readings[rate_at(c, row)]) <= c.rest_speed * c.row_speeds[row] / c.unit_speed:
+                    if row >= 0 and abs(readings[rate_at(c, row)]) <= rest * c.row_speeds[row] / c.unit_speed:
                         chosen[count] = row
                         count += 1
     matrix, right, found, basis = zeros(count * count), zeros(count), zeros(count), zeros(count * count)
@@ -137,15 +139,19 @@ def resting_impulses(
         impulses[chosen[i]] = found[i]
         total += found[i] * right[i]
     loss[0] = 0.5 * total
-    return is_small(c, readings, terms, count, chosen, loss[0]) and is_rest(c, readings, count, chosen, matrix, found)
+    return is_small(c, readings, terms, rest, count, chosen, loss[0]) and is_rest(
+        c, readings, count, chosen, matrix, found
+    )
 
 
-def is_small(c: Contacts, readings: Array, terms: Array, count: int, chosen: Integers, loss: float) -> bool:
+def is_small(
+    c: Contacts, readings: Array, terms: Array, rest: float, count: int, chosen: Integers, loss: float
+) -> bool:  # fmt: skip
     """Whether rows can come to rest without stopping far faster motions; some may nearly depend on each other."""
     slow = 0.0
     for i in range(count):
         row = chosen[i]
-        speed = max(abs(readings[rate_at(c, row)]), c.rest_speed * c.row_speeds[row] / c.unit_speed)
+        speed = max(abs(readings[rate_at(c, row)]), rest * c.row_speeds[row] / c.unit_speed)
         slow += 0.5 * speed * speed / terms[row + row * c.rows]
     return not loss > SMALL * slow
 
@@ -164,7 +170,7 @@ def is_rest(c: Contacts, readings: Array, count: int, chosen: Integers, matrix: 
 
 def rebound(
     c: Contacts, readings: Array, terms: Array, e: Array, touching: Integers, elastic: bool,
-    impulses: Array, loss: Array,
+    rest: float, impulses: Array, loss: Array,
 ) -> bool:  # fmt: skip
     """The impulses of gaps that approach, with their friction."""
     chosen, count, place = integers(c.rows), 0, integers(c.rows)
@@ -196,7 +202,7 @@ def rebound(
             matrix[i * count + j] = terms[chosen[i] + chosen[j] * c.rows]
     for i in range(normals):
         approach = min(before[i], 0.0)
-        restitution = 0.0 if -approach < slow_of(c, e, chosen[i]) else e[chosen[i]]
+        restitution = 0.0 if -approach < slow_of(c, e, rest, chosen[i]) else e[chosen[i]]
         free[i] += restitution * (1.0 if elastic else 0.0) * approach
     problem = ForceProblem(count, matrix, free, normals, normal_rows, frictions, friction_rows, gaps, sizes)
     if not unique_forces(problem, found):

@@ -13,13 +13,16 @@ from mbd_sim.simulation.contact.compiled.instant.forces import (
     SLIPS,
     SOFTNESS,
     ForceProblem,
+    find_weights,
     is_unique,
     length_of,
     newton,
     quick_forces,
     rates_of,
+    residual_of,
     scaled_problem,
 )
+from mbd_sim.simulation.contact.compiled.instant.least_forces import share
 from mbd_sim.simulation.contact.compiled.instant.linear import rank_of
 
 SOFTER, SOFTENINGS = 0.1, 6  # ratio of the softnesses of supports that follow each other, down from 1 to `SOFTNESS`
@@ -53,6 +56,55 @@ def nearest_together(p: ForceProblem, compliance: Array, forces: Array) -> bool:
     for i in range(n):
         forces[i] = forces[i] * scale[i]
     return True
+
+
+def settled_together(p: ForceProblem, compliance: Array, forces: Array) -> bool:
+    """As `nearest_together`, to round-off: those of least Σ C λ²."""
+    n, scale, found, elastic = p.n, zeros(p.n), zeros(p.n), zeros(p.n)
+    matrix, free, sizes, own = zeros(p.n * p.n), zeros(p.n), zeros(p.frictions), zeros(p.n)
+    if n == 0:
+        return True
+    scaled_problem(p, matrix, free, sizes, scale)
+    scaled = ForceProblem(n, matrix, free, p.normals, p.normal_rows, p.frictions, p.friction_rows, p.loads, sizes)
+    is_found, is_single = quick_forces(scaled, found), p.normals < 2 and p.frictions < 2
+    if not (is_found and (is_single or is_unique(scaled, found))):
+        if is_single or rank_of(n, matrix) == n:
+            if not is_found:
+                return False
+        else:
+            find_weights(p, own)
+            scaled_compliance(n, compliance, own, own)
+            if elastic_forces(scaled, own, elastic):
+                is_found = settle(scaled, own, elastic, is_found, found)
+            elif is_found:
+                copy(n, found, elastic)
+                is_found = settle(scaled, own, elastic, True, found)
+            if not is_found:
+                return False
+    for i in range(n):
+        forces[i] = found[i] * scale[i]
+    return True
+
+
+def settle(p: ForceProblem, compliance: Array, elastic: Array, is_found: bool, forces: Array) -> bool:
+    """The forces of least Σ C λ² near those of elastic supports, or these, or else those that are found."""
+    n, least, trial, natural = p.n, zeros(p.n), zeros(p.n), zeros(p.n)
+    copy(n, elastic, least)
+    share(p, compliance, least)
+    if residual_of(p, least, trial, natural) <= ACCURATE:
+        newton(p, least, False)
+        copy(n, least, forces)
+        return True
+    if newton(p, elastic, False) <= ACCURATE:
+        copy(n, elastic, forces)
+        return True
+    return is_found
+
+
+def copy(n: int, values: Array, to: Array) -> None:
+    """Copy n numbers."""
+    for i in range(n):
+        to[i] = values[i]
 
 
 def scaled_compliance(n: int, compliance: Array, scale: Array, own: Array) -> None:

@@ -50,7 +50,7 @@ def find_impulses(c: Contacts, s: StepContacts, e: Array) -> bool:
     for row in range(n):
         right[row] = s.free[row]
     for gap in range(c.gaps):
-        s.hits[gap] = s.closing[gap] and s.before[gap] < -slow_of(c, e, gap)
+        s.hits[gap] = s.closing[gap] and s.before[gap] < -slow_of(c, e, c.rest_speed, gap)
         if s.hits[gap]:
             right[gap] += e[gap] * s.before[gap]
             rebounds = rebounds or e[gap] != 0.0
