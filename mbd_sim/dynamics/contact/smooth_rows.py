@@ -272,21 +272,26 @@ def _lift(
     lift, cosine = ca.SX(1, 1), ca.SX(1)
     for k in (0, 1):
         normal = frames[1 - k].rotation @ numbers[6 + 3 * k : 9 + 3 * k]
-        lift += _bend(bodies[k], frames[k], normal, point, numbers[28 + k])
+        lift += _bend(bodies[k], frames[k], normal, point, numbers[28 + k], numbers[31:34])
     if crossing is not None:
         cosine = crossing.cosine
         lift *= ca.fmax(1.0 - (1.0 - cosine * cosine) / UNBENT**2, 0.0) ** 3
     return lift + numbers[FOUND_AT], cosine
 
 
-def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, radius: ca.SX) -> ca.SX:
-    """How far in m an end with a `radius` is bent at a point toward a face with a normal; 0 without a radius."""
+def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, radius: ca.SX, known: ca.SX) -> ca.SX:
+    """How far in m an end with a `radius` is bent at a point toward a face with a normal; 0 without a radius.
+
+    :param known: this normal in the axes of the end's part when the narrow phase saw it last. It says whether the end
+        is bent, so that the gap is smooth beyond the tilt at which a step ends for this.
+    """
     if not isinstance(body, Barrel | ConeBody):
         return ca.SX(1, 1)
-    axis = ca.sparsify(frame.rotation @ constant(body.axis))
+    own = constant(body.axis)
+    axis, before = ca.sparsify(frame.rotation @ own), known - own * ca.dot(own, known)
     aside = normal - axis * ca.dot(axis, normal)
     square, low = ca.dot(aside, aside), ca.fmax(-ca.dot(aside, point - frame.position), 0.0) ** 2
-    rest = ca.fmax(1.0 - square / FLAT_TILT**2, 0.0)
+    rest = (ca.dot(before, before) < FLAT_TILT**2) * (1.0 - square / FLAT_TILT**2)
     bend: ca.SX = BEND * radius * low * low / (radius**4 * (square + LEVEL_TILT**2) + TINY) * rest**3
     return bend
 
