@@ -21,7 +21,8 @@ one if it is fixed there; a direction across it (3) in the second part; the radi
 see below; 1 where a sharp edge crosses a rim; the normal (3) of the face on which an end lies, in the axes of the end,
 when the narrow phase saw it last; the height in m at which a feature was found beneath an end that can be bent, see
 below, or 0; and the key, by which the narrow phase knows what touches; 0 is not a key. Of an end that can be bent, the
-normal of the face in the axes of its part is in place of the direction of a side.
+normal of the face in the axes of its part is in place of the direction of a side; that of a line in such an end is
+in place of the normal, in the axes of the end.
 
 Where an edge p + s d crosses a rim with the radius ρ around c, seen along the axis a of this end, its normal is that of
 the edge and the tangent of the rim. With r, the part of p + s d - c across a,
@@ -45,10 +46,11 @@ The arc of a rim between two of the fixed points is lower than these: up to 0.13
 that arrives under an arc, or is found there as a point leaves the face, is therefore within the end already. It keeps
 the height at which it was found: its gap begins at zero, and it does no work. It is closed as long as it bears, while
 the end cannot sink deeper; as the end comes to lie flat, it opens, and touches at zero when it is found again. An edge
-bears the end along its axis there, at the point where it crossed the rim when it was found, which is fixed in the edge;
-its row is that of such a point. Once the crossing has run on from there by a quarter of half of the chord, it is found
-again. Along n, which is steep while the chord is short, the edge would strike the rim from the side; and since the
-crossing runs ever faster as the chord vanishes, one that keeps its height would throw a tilted end up.
+bears there a line that is fixed in the end: across the edge, through the place where this crossed the rim when it was
+found. Its row is that of both as two sides, so that no force is along the edge. Once the crossing has run on from there
+by a quarter of half of the chord, it is found again. Along n, which is steep while the chord is short, the edge would
+strike the rim from the side; and since the crossing runs ever faster as the chord vanishes, one that keeps its height
+would throw a tilted end up.
 
 What rows do not use is known to the narrow phase alone: of a crossing, half of its last chord, or of the chord when its
 edge was found within the end, among the cosines; of a rim on a face, the last direction from its center to the point
@@ -115,6 +117,11 @@ def smooth_touch(
     d_a, d_b = first.rotation @ d_a, second.rotation @ d_b
     end = _end_of_crossing(bodies)
     crossed = numbers[30] if end is not None else ca.SX(1, 1)
+    beneath = ca.SX(1, 1)
+    if end is not None:  # the direction of a line in this end is among the numbers in place of the normal
+        beneath = two * (numbers[28 + end] > 0.0)
+        d_a, d_b = _with_line((d_a, d_b), end, beneath, frames[end].rotation @ hint)
+        k_a, k_b = (1.0 - beneath) * k_a, (1.0 - beneath) * k_b
     roots = [
         _root(body, frame, (1.0 - crossed) * numbers[12 + k])
         for k, (body, frame) in enumerate(zip(bodies, frames, strict=True))
@@ -143,14 +150,20 @@ def smooth_touch(
     if crossing is not None:
         along = crossed * (crossing.along * edge + ((other - at) if not end else ca.SX(3, 1)))
         distance -= crossed * ca.dot(normal, crossing.arm if end else -crossing.arm)
-    spot = on_second * other + (1.0 - on_second) * at + along
+    on_other = on_second + (beneath if end else 0.0)
+    spot = on_other * other + (1.0 - on_other) * at + along
     lift, cosine = _lift(bodies, frames, numbers, spot, crossing)
     own = place + two * _along(place - seen, d_a, d_b, normal, 1.0 - two) + along
-    one = ca.cross(side, normal)
-    one /= ca.sqrt(ca.dot(one, one) + TINY)
+    one = unit(ca.cross(side, normal))
     point = on_second * seen + (1.0 - on_second) * own
     gap = distance - cosine * lift + (1.0 - used) * length
     return Touch(gap, normal, point, (one, ca.cross(normal, one)), iterated, lift, cosine)
+
+
+def _with_line(sides: tuple[ca.SX, ca.SX], end: int, beneath: ca.SX, line: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The directions of both sides, of which that of the body with an end is a line if an edge is beneath it."""
+    first, second = (d + (k == end) * beneath * (line - d) for k, d in enumerate(sides))
+    return first, second
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,21 +272,26 @@ def _lift(
     lift, cosine = ca.SX(1, 1), ca.SX(1)
     for k in (0, 1):
         normal = frames[1 - k].rotation @ numbers[6 + 3 * k : 9 + 3 * k]
-        lift += _bend(bodies[k], frames[k], normal, point, numbers[28 + k])
+        lift += _bend(bodies[k], frames[k], normal, point, numbers[28 + k], numbers[31:34])
     if crossing is not None:
         cosine = crossing.cosine
         lift *= ca.fmax(1.0 - (1.0 - cosine * cosine) / UNBENT**2, 0.0) ** 3
     return lift + numbers[FOUND_AT], cosine
 
 
-def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, radius: ca.SX) -> ca.SX:
-    """How far in m an end with a `radius` is bent at a point toward a face with a normal; 0 without a radius."""
+def _bend(body: ContactBody, frame: SymbolicPose, normal: ca.SX, point: ca.SX, radius: ca.SX, known: ca.SX) -> ca.SX:
+    """How far in m an end with a `radius` is bent at a point toward a face with a normal; 0 without a radius.
+
+    :param known: this normal in the axes of the end's part when the narrow phase saw it last. It says whether the end
+        is bent, so that the gap is smooth beyond the tilt at which a step ends for this.
+    """
     if not isinstance(body, Barrel | ConeBody):
         return ca.SX(1, 1)
-    axis = ca.sparsify(frame.rotation @ constant(body.axis))
+    own = constant(body.axis)
+    axis, before = ca.sparsify(frame.rotation @ own), known - own * ca.dot(own, known)
     aside = normal - axis * ca.dot(axis, normal)
     square, low = ca.dot(aside, aside), ca.fmax(-ca.dot(aside, point - frame.position), 0.0) ** 2
-    rest = ca.fmax(1.0 - square / FLAT_TILT**2, 0.0)
+    rest = (ca.dot(before, before) < FLAT_TILT**2) * (1.0 - square / FLAT_TILT**2)
     bend: ca.SX = BEND * radius * low * low / (radius**4 * (square + LEVEL_TILT**2) + TINY) * rest**3
     return bend
 

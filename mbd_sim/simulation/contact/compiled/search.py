@@ -36,7 +36,7 @@ from mbd_sim.simulation.contact.compiled.sliding import Sliding, forward
 from mbd_sim.simulation.contact.compiled.touching import AREA, NEAREST, ROOM, WIDE, WIDTH, area_at, has_widened, narrow
 
 ITERATIONS = 100
-ROUNDING = 2.0**-50  # of a bracket, next to which no place is tried
+ROUNDING = 2.0**-50  # of a bracket, next to which no place is tried, or of a length, if the place is rounded to this
 NEAREST_START = 2.0**-40  # of a length, up to which a positive value is sought after a start at zero
 BACKTRACK = 0.5  # of a length, in this search
 LONG_BACKTRACK = 2.0**-4  # the same where friction has two directions: such motions cost more
@@ -214,6 +214,8 @@ def first_zero(
         width = abs(other - new)
         least_share = max(shortest / width, ROUNDING)
         place = new + max(least_share, min(1.0 - least_share, share)) * (other - new)
+        if place == new and least > tolerance:  # it was rounded to this
+            place += ROUNDING * max(new, other) / width * (other - new)
         if not min(new, other) < place < max(new, other) or 2.0 * shortest > width:
             break
         found = value_of(c, m, place, what, index)

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from mbd_sim import Simulation
@@ -62,3 +63,20 @@ def test_the_place_of_a_zero_is_not_sought_within_round_off(monkeypatch, round_o
         assert -2e-15 <= gap(contacts, motion, found, 0, 0) <= 0.0
         worst = max(worst, len(tried))
     assert worst <= 30
+
+
+def test_a_zero_is_not_missed_where_the_last_place_is_almost_on_it(monkeypatch):
+    """The next place rounded to this one, which ended the search: bodies were 3e-6 m in each other as they met."""
+    chance = np.random.default_rng(5)
+    for _ in range(300):
+        zero, speed, bend = chance.uniform(0.1e-3, 0.9e-3), chance.uniform(0.1, 3.0), chance.uniform(-40.0, 40.0)
+
+        def gap(c, m, length, what, index, zero=zero, speed=speed, bend=bend):
+            return (zero - length) * (speed + bend * length) + 1e-20
+
+        monkeypatch.setattr(search, "value_of", gap)
+        motion = SimpleNamespace(sliding=SimpleNamespace(is_collocated=[0]))
+        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0)
+        ends = gap(contacts, motion, 0.0, 0, 0), gap(contacts, motion, 1e-3, 0, 0)
+        found = search.first_zero(contacts, motion, search.BESIDE, 0, 1e-3, *ends, 0.0)
+        assert -1e-15 <= gap(contacts, motion, found, 0, 0) <= 0.0

@@ -136,6 +136,8 @@ def sliding(kind, seed):
 
 
 SEEDS = [("disc", 4), ("disc", 15), ("cone", 2), ("cone", 16), ("cylinder", 1), ("cylinder", 7)]
+SEEDS += [("cone", 13), ("cone", 17), ("cylinder", 20)]  # edges within the end push it while it leans along them
+SEEDS += [("disc", 2), ("disc", 12), ("cone", 18), ("cylinder", 18)]  # the end begins to be bent at edges
 
 
 @pytest.mark.parametrize(("kind", "seed"), SEEDS)

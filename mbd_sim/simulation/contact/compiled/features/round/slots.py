@@ -8,7 +8,15 @@ from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
 from mbd_sim.dynamics.contact.shapes import FLAT_TILT, POINTS
 from mbd_sim.dynamics.contact.smooth_rows import FIXED_FIRST, FIXED_SECOND, FOUND_AT, ITERATED, SMOOTH_SIZE, TWO_SIDES
 from mbd_sim.simulation.contact.compiled.features.polytopes import COUNT, PASSED, SLANTED
-from mbd_sim.simulation.contact.compiled.features.round.bodies import CODES, LEAST, PlacedRound, RoundHull, facing
+from mbd_sim.simulation.contact.compiled.features.round.bodies import (
+    CODES,
+    LEAST,
+    PlacedRound,
+    RoundHull,
+    bend_below,
+    facing,
+    middle,
+)
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     CHANGED,
     GAP,
@@ -16,7 +24,6 @@ from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     POINT,
     TOWARD,
     half_of_chord,
-    height_above,
     height_of,
     is_crossing,
     lies_flat,
@@ -50,6 +57,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
     dot,
     least_axis,
     place_back,
+    scale,
     size_of,
     subtract,
     turn,
@@ -95,9 +103,9 @@ def write_slot(
     for k in range(SMOOTH_SIZE):
         slot[k] = 0.0
     write_bend(p, a, b, key, kind, slot)
-    if is_crossing(kind) and meeting[GAP] < limit and lies_flat(a, b, key):  # its row is that of a point of the edge
-        kind = POINT_FACE if kind == EDGE_RIM else FACE_POINT
-        write_chord(a, b, key, slot)
+    if is_crossing(kind) and meeting[GAP] < limit and lies_flat(a, b, key):
+        write_beneath(a, b, key, meeting, slot)
+        return
     is_side, is_face = kind in (SIDE_SIDE, SIDE_CORNER, EDGE_RIM), kind in (FACE_CORNER, FACE_POINT, RIM_EDGE)
     write_body(a, 0, key[FIRST], is_side, is_face, kind, meeting, slot)
     is_side, is_face = kind in (SIDE_SIDE, CORNER_SIDE, RIM_EDGE), kind in (CORNER_FACE, POINT_FACE, EDGE_RIM)
@@ -131,6 +139,36 @@ def write_slot(
     if can_bend(slot):
         write_lean(a, b, slot)
         write_height(a, b, key, meeting, limit, slot)
+    slot[SMOOTH_SIZE - 1] = encoded(key)
+
+
+def write_beneath(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, slot: Array) -> None:
+    """The numbers of a slot whose edge was found within an end: of the edge and of a line across it in this end."""
+    edge, end, own, side, face = a, b, 0, key[FIRST], key[SECOND]
+    center, line, at = zeros(3), zeros(3), zeros(3)
+    if key[KIND] == RIM_EDGE:
+        edge, end, own, side, face = b, a, 1, key[SECOND], key[FIRST]
+    axis, direction = end.normals[3 * face :], edge.directions[3 * side :]
+    place_back(edge.pose, meeting[POINT:], at)
+    subtract(at, edge.hull.at, slot[3 * own :])
+    copy(edge.hull.directions[3 * side :], slot[6 + 3 * own :])
+    middle(end, face, center)
+    subtract(meeting[POINT:], center, line)
+    depth = dot(line, axis)
+    add(meeting[POINT:], -depth, axis, line)
+    place_back(end.pose, line, at)
+    subtract(at, end.hull.at, slot[3 - 3 * own :])
+    cross(direction, axis, line)
+    cosine = size_of(line)
+    scale(key[SIGN] / cosine, line, line)
+    turn_back(end.pose, line, slot[22:])
+    cross(line, direction, at)
+    turn_back(b.pose, at, line)
+    least_axis(line, slot[25:])
+    slot[16 + TWO_SIDES], slot[20] = 1.0, key[SIGN]
+    write_chord(a, b, key, slot)
+    write_lean(a, b, slot)
+    slot[FOUND_AT] = depth * cosine - bend_below(end, face, edge, meeting[POINT:])
     slot[SMOOTH_SIZE - 1] = encoded(key)
 
 
@@ -197,9 +235,7 @@ def can_bend(numbers: Array) -> bool:
 
 def write_height(a: PlacedRound, b: PlacedRound, key: Integers, meeting: Array, limit: float, slot: Array) -> None:
     """Write the height at which a feature is found beneath an end that can be bent, if it is lower than a limit."""
-    if meeting[GAP] < limit and is_crossing(key[KIND]) and slot[30] == 0.0:
-        slot[FOUND_AT] = height_above(a, b, key, meeting[POINT:])
-    elif meeting[GAP] < limit:
+    if meeting[GAP] < limit:
         slot[FOUND_AT] = height_of(a, b, key, meeting)
 
 
