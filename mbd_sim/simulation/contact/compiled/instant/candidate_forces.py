@@ -129,6 +129,22 @@ def unknown_rows(c: Contacts, s: Search, chosen: Integers, pressed: bool) -> int
     return count
 
 
+def present_rows(c: Contacts, s: Search, present: Integers) -> int:
+    """The rows that may bear a force: of gaps that touch, and of friction that is not absent; how many they are."""
+    count = 0
+    for gap in range(c.gaps):
+        if s.touching[gap]:
+            present[count] = gap
+            count += 1
+    for k in range(c.frictions):
+        for direction in range(2 if s.states[k] != ABSENT else 0):
+            row = c.friction_rows[2 * k + direction]
+            if row >= 0:
+                present[count] = row
+                count += 1
+    return count
+
+
 def is_determined(c: Contacts, s: Search) -> bool:
     """Whether forces are independent beside the friction that slides."""
     n, chosen, order = c.rows, integers(c.rows), integers(c.rows)
@@ -143,10 +159,11 @@ def is_determined(c: Contacts, s: Search) -> bool:
 def is_independent(c: Contacts, s: Search) -> bool:
     """Whether all that bears a force is independent, and friction at rest for itself: nothing is shared or held."""
     n, chosen, found, order = c.rows, integers(c.rows), integers(c.rows), integers(c.rows)
-    matrix, own, factors = zeros(n * n), zeros(n * n), zeros(n)
-    for i in range(n):
-        for j in range(n):
-            matrix[i * n + j] = s.terms[i + j * n]
+    matrix, own, factors, present = zeros(n * n), zeros(n * n), zeros(n), integers(n)
+    acting = present_rows(c, s, present)
+    for i in range(acting):
+        for j in range(acting):
+            matrix[present[i] * n + present[j]] = s.terms[present[i] + present[j] * n]
     count = unknown_rows(c, s, chosen, True)
     if independent(n, matrix, count, chosen, found) < count:
         return False
@@ -182,12 +199,13 @@ def find_forces(c: Contacts, s: Search) -> bool:
     """λ (rows,) of all rows, and the accelerations (rows,) with them; False where they are not simple to find."""
     n = c.rows
     free, unit, constant = zeros(n), zeros(n * n), zeros(n)
-    chosen, place = integers(n), integers(n)
+    chosen, place, present = integers(n), integers(n), integers(n)
+    acting = present_rows(c, s, present)
     for i in range(n):
         free[i] = free_acceleration(c, s.terms, i)
         unit[i * n + i] = 1.0
-        for j in range(n):
-            s.coupled[i * n + j] = s.terms[i + j * n]
+        for j in range(acting):
+            s.coupled[i * n + present[j]] = s.terms[i + present[j] * n]
     add_sliding(c, s, free, unit, constant)
     count = unknown_rows(c, s, chosen, False)
     matrix, own, found = zeros(count * count), zeros(count), zeros(count)

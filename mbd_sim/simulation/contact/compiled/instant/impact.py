@@ -68,6 +68,9 @@ def return_at_once(
     """
     found = False
     for gap in range(c.gaps):
+        returning[gap] = 0
+        if not touching[gap]:
+            continue
         rate, acceleration = readings[rate_at(c, gap)], free_acceleration(c, terms, gap)
         for row in range(c.rows):
             acceleration += terms[gap + row * c.rows] * readings[force_at(c, row)]

@@ -23,6 +23,7 @@ from mbd_sim.simulation.contact.compiled.instant.candidate_forces import (
     limit_of,
     load_component,
     load_of,
+    present_rows,
     read_joint_loads,
 )
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
@@ -201,10 +202,11 @@ def withdrawn(c: Contacts, s: Search) -> bool:
 def write_modes(c: Contacts, s: Search, inputs: Array) -> bool:
     """Write the modes into the inputs; False where contacts share their forces."""
     n, count = c.rows, 0
-    matrix, closed, found = zeros(n * n), integers(n), integers(n)
-    for i in range(n):
-        for j in range(n):
-            matrix[i * n + j] = s.terms[i + j * n]
+    matrix, closed, found, present = zeros(n * n), integers(n), integers(n), integers(n)
+    acting = present_rows(c, s, present)
+    for i in range(acting):
+        for j in range(acting):
+            matrix[present[i] * n + present[j]] = s.terms[present[i] + present[j] * n]
     for i in range(c.first_feature):
         if i < 2 * n or i >= 2 * n + c.loaded:  # signs stay
             inputs[c.first_mode + i] = 0.0
