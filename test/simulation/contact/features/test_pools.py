@@ -58,8 +58,8 @@ def step_to_contact(sim):
         sim.step(1)
 
 
-@pytest.mark.parametrize("method", ["adams11", "moreau"])
-def test_motion_is_that_with_slots_for_each_pair(monkeypatch, method):
+@pytest.mark.parametrize(("method", "accuracy"), [("adams11", 1e-12), ("moreau", 1e-10)])
+def test_motion_is_that_with_slots_for_each_pair(monkeypatch, method, accuracy):
     """Any row that acts on the parts of another pair, or friction that does not follow its gap."""
     one, other = own(monkeypatch, method=method), shared(monkeypatch, method=method)
     assert other.model.one_sided.layout.pooled and not one.model.one_sided.layout.pooled
@@ -72,7 +72,7 @@ def test_motion_is_that_with_slots_for_each_pair(monkeypatch, method):
         apart = {name for name, state in one.contacts().items() if name.startswith("bodies") and state.state != "open"}
         assert len(apart) == sum(state.bodies is not None for state in other.contacts().values())
     assert len(met) >= 2
-    assert np.max(np.abs(one.q - other.q)) < 1e-9 and np.max(np.abs(one.u - other.u)) < 1e-7
+    assert np.max(np.abs(one.q - other.q)) < accuracy and np.max(np.abs(one.u - other.u)) < 100 * accuracy
 
 
 def test_what_is_read_follows_the_pairs(monkeypatch):
@@ -82,18 +82,17 @@ def test_what_is_read_follows_the_pairs(monkeypatch):
         step_to_contact(sim)
     assert one.time == other.time
     size = np.max(np.abs(one.u_rates))
-    assert np.max(np.abs(one.u_rates - other.u_rates)) < 1e-6 * size
+    assert np.max(np.abs(one.u_rates - other.u_rates)) < 1e-9 * size
     for name in one.multipliers():
-        assert np.allclose(one.multipliers()[name], other.multipliers()[name], atol=1e-6, rtol=1e-6)
+        assert np.allclose(one.multipliers()[name], other.multipliers()[name], atol=1e-9, rtol=1e-9)
     bodies = [state for name, state in other.contacts().items() if state.bodies]
     pairs = [state for name, state in one.contacts().items() if name.startswith("bodies") and state.state != "open"]
     order = {tuple(np.round(state.point, 6)): state for state in pairs}
     for state in bodies:
         known = order[tuple(np.round(state.point, 6))]
-        assert np.allclose(state.force, known.force, atol=1e-6) and np.allclose(state.direction, known.direction)
-    part = bodies[0].bodies[0]
-    before = other.u.copy()
-    assert part in other.mechanism.parts and np.all(np.isfinite(before))
+        assert np.allclose(state.force, known.force, atol=1e-9, rtol=1e-9) and np.allclose(
+            state.direction, known.direction
+        )
 
 
 def test_snapshots_keep_the_pairs_of_slots(monkeypatch):
