@@ -117,3 +117,31 @@ def test_a_row_is_a_number_where_one_rim_touches_along_the_axis_of_the_other(kin
         for gap, own, _ in rows:
             assert gap == pytest.approx(0.0, abs=1e-13)
             assert own == pytest.approx(normal, abs=1e-11)
+
+
+def beside_slope(chance, radius, cone, apart):
+    """The poses of a disc of a radius and a cone, apart along the normal of the side of the cone at random places."""
+    spin = Rotation.random(rng=chance)
+    normal, tangent, angle = spin.apply(UP), spin.apply([1.0, 0.0, 0.0]), chance.uniform(0.0, np.pi)
+    rotation, outward = frame(tangent, normal, chance.choice([-1, 1]) * chance.uniform(0.1, 1.5), chance.uniform(-1, 1))
+    slant = np.hypot(cone.radius, cone.length)
+    along = spin.apply([np.cos(angle), np.sin(angle), 0.0])  # towards the tip
+    axis = (cone.length * along + cone.radius * normal) / slant
+    radial = (cone.length * normal - cone.radius * along) / slant
+    share = chance.uniform(0.02, 0.98)  # from the base to the tip
+    arm = (1.0 - share) * cone.radius * radial + (share - 0.5) * cone.length * axis
+    turned = Rotation.from_rotvec(chance.uniform(0.0, np.pi) * axis).apply(radial)
+    frame_of_cone = np.column_stack([turned, np.cross(axis, turned), axis])
+    return Pose(apart * normal - radius * outward, rotation), Pose(-arm, frame_of_cone)
+
+
+def test_a_rim_beside_the_side_of_a_cone_of_another_size_is_apart():
+    """From the nearest sample the search ended where both overlap along another normal, and they entered each other."""
+    chance = np.random.default_rng(6)
+    for _ in range(60):
+        radius, width, length = 0.25 * 10.0 ** chance.uniform([-0.4, -0.7, -1.4], [0.0, 0.0, 0.7])
+        cone = ConeBody(HERE, UP, width, length)
+        pair = SmoothPair(Barrel(HERE, UP, radius, 0.0), cone, 8)
+        for _ in range(30):
+            apart = 10.0 ** chance.uniform(-5.0, -2.0)
+            assert 0.0 < pair.distance(*beside_slope(chance, radius, cone, apart)) <= apart + 1e-13

@@ -64,6 +64,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 
 SAMPLES = 2 * POINTS  # directions around a rim; the search begins where it is nearer to the other one than beside them
 IN_PLANES, STARTS = 4, 6  # of two rims: points in both planes, and with those where they cross, seen along their axes
+OVERLAP = 1e-6  # of the radius: beyond it there may be several stationary directions, and all samples are tried
 FEET, DEEPEST = 15, -0.9  # steps to the nearest point of an ellipsoid, and how deep it may be beyond, in its curvature
 SLOPE, FIRM, BEND = 0, 1, 2
 NUMBERS = 3
@@ -140,6 +141,9 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
     for k in range(2 if m.side >= 0 else 0):  # beside each other if the chord is short
         if start_of_side(m, 2 * k - 1, at.tangent, at.outward):
             keep_better(m, at, best, toward, normal)
+    for k in range(SAMPLES if best[0] < -OVERLAP * m.rim.hull.rims[m.corner] else 0):
+        sample(m, k, at.outward)
+        keep_better(m, at, best, toward, normal)
     scale(-sign, toward, at.outward)
     copy(at.outward, toward)
     scale(sign, normal, at.normal)
