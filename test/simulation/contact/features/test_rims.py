@@ -119,29 +119,40 @@ def test_a_row_is_a_number_where_one_rim_touches_along_the_axis_of_the_other(kin
             assert own == pytest.approx(normal, abs=1e-11)
 
 
-def beside_slope(chance, radius, cone, apart):
-    """The poses of a disc of a radius and a cone, apart along the normal of the side of the cone at random places."""
+def beside_thin(kind, chance, radius, sizes, apart):
+    """The poses of a disc of a radius and a body of a kind, apart along its normal at a random place.
+
+    :param sizes: the radius and the length of a cylinder or a cone, the half axes of an ellipsoid.
+    """
     spin = Rotation.random(rng=chance)
     normal, tangent, angle = spin.apply(UP), spin.apply([1.0, 0.0, 0.0]), chance.uniform(0.0, np.pi)
-    rotation, outward = frame(tangent, normal, chance.choice([-1, 1]) * chance.uniform(0.1, 1.5), chance.uniform(-1, 1))
-    slant = np.hypot(cone.radius, cone.length)
-    along = spin.apply([np.cos(angle), np.sin(angle), 0.0])  # towards the tip
-    axis = (cone.length * along + cone.radius * normal) / slant
-    radial = (cone.length * normal - cone.radius * along) / slant
-    share = chance.uniform(0.02, 0.98)  # from the base to the tip
-    arm = (1.0 - share) * cone.radius * radial + (share - 0.5) * cone.length * axis
-    turned = Rotation.from_rotvec(chance.uniform(0.0, np.pi) * axis).apply(radial)
-    frame_of_cone = np.column_stack([turned, np.cross(axis, turned), axis])
-    return Pose(apart * normal - radius * outward, rotation), Pose(-arm, frame_of_cone)
+    tilt, turned = chance.choice([-1, 1]) * chance.uniform(0.1, 1.5), Rotation.random(rng=chance).as_matrix()
+    rotation, outward = frame(tangent, normal, tilt, chance.uniform(-1, 1))
+    disc = Pose(apart * normal - radius * outward, rotation)
+    if kind == "ellipsoid":
+        own = turned.T @ normal
+        arm = turned @ (sizes**2 * own / np.sqrt(np.sum((sizes * own) ** 2)))
+        return disc, Pose(-arm, turned)
+    width, length, _ = sizes
+    less = width if kind == "slope" else 0.0  # of the radius, at the tip
+    along = spin.apply([np.cos(angle), np.sin(angle), 0.0])
+    axis = (length * along + less * normal) / np.hypot(length, less)
+    radial = (length * normal - less * along) / np.hypot(length, less)
+    share = chance.uniform(0.02, 0.98)
+    arm = (width - share * less) * radial + (share - 0.5) * length * axis
+    first = Rotation.from_rotvec(chance.uniform(0.0, np.pi) * axis).apply(radial)
+    return disc, Pose(-arm, np.column_stack([first, np.cross(axis, first), axis]))
 
 
-def test_a_rim_beside_the_side_of_a_cone_of_another_size_is_apart():
-    """From the nearest sample the search ended where both overlap along another normal, and they entered each other."""
+@pytest.mark.parametrize("kind", ["side", "slope", "ellipsoid"])
+def test_a_rim_beside_a_body_of_any_size_is_apart(kind):
+    """The search ended where both overlap along another normal, beside thin bodies often, and they entered each other."""
     chance = np.random.default_rng(6)
-    for _ in range(60):
-        radius, width, length = 0.25 * 10.0 ** chance.uniform([-0.4, -0.7, -1.4], [0.0, 0.0, 0.7])
-        cone = ConeBody(HERE, UP, width, length)
-        pair = SmoothPair(Barrel(HERE, UP, radius, 0.0), cone, 8)
-        for _ in range(30):
+    for _ in range(40):
+        radius, sizes = 0.25 * 10.0 ** chance.uniform(-0.4, 0.0), 0.25 * 10.0 ** chance.uniform(-1.5, 0.3, 3)
+        bodies = {"ellipsoid": EllipsoidBody(HERE, np.eye(3), tuple(sizes))}
+        bodies |= {"side": Barrel(HERE, UP, *sizes[:2]), "slope": ConeBody(HERE, UP, *sizes[:2])}
+        pair = SmoothPair(Barrel(HERE, UP, radius, 0.0), bodies[kind], 8)
+        for _ in range(20):
             apart = 10.0 ** chance.uniform(-5.0, -2.0)
-            assert 0.0 < pair.distance(*beside_slope(chance, radius, cone, apart)) <= apart + 1e-13
+            assert 0.0 < pair.distance(*beside_thin(kind, chance, radius, sizes, apart)) <= apart + 1e-12

@@ -64,7 +64,8 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 
 SAMPLES = 2 * POINTS  # directions around a rim; the search begins where it is nearer to the other one than beside them
 IN_PLANES, STARTS = 4, 6  # of two rims: points in both planes, and with those where they cross, seen along their axes
-OVERLAP = 1e-6  # of the radius: beyond it there may be several stationary directions, and all samples are tried
+OVERLAP = 1e-6  # of the radius: beyond it there may be several stationary directions, and more starts are tried
+SINKING = 8  # steps to where a rim is deepest in a body, which may be too thin for the samples
 FEET, DEEPEST = 15, -0.9  # steps to the nearest point of an ellipsoid, and how deep it may be beyond, in its curvature
 SLOPE, FIRM, BEND = 0, 1, 2
 NUMBERS = 3
@@ -143,6 +144,7 @@ def nearest_of_rim(a: PlacedRound, b: PlacedRound, key: Integers, toward: Array,
             keep_better(m, at, best, toward, normal)
     for k in range(SAMPLES if best[0] < -OVERLAP * m.rim.hull.rims[m.corner] else 0):
         sample(m, k, at.outward)
+        sink(m, at)
         keep_better(m, at, best, toward, normal)
     scale(-sign, toward, at.outward)
     copy(at.outward, toward)
@@ -288,19 +290,50 @@ def spread(body: PlacedRound, corner: int, normal: Array) -> float:
     return folded(body, corner, own, fold)
 
 
+def sink(m: RimContact, at: PointOfRim) -> None:
+    """Turn the direction to where the rim is nearest to the axis of a side, or deepest in an ellipsoid.
+
+    Along the rim these are minima of a quadratic form x·Q x, which has two at most, however thin the other one is.
+    """
+    line, bent, twisted, radius = zeros(3), zeros(3), zeros(3), m.rim.hull.rims[m.corner]
+    for _ in range(0 if touches_rim(m) else SINKING):
+        cross(m.axis, at.outward, at.tangent)
+        add(m.center, radius, at.outward, line)
+        form(m, line, bent)
+        form(m, at.tangent, twisted)
+        turn_against(m, at, dot(at.tangent, bent), radius * dot(at.tangent, twisted) - dot(at.outward, bent))
+
+
+def form(m: RimContact, line: Array, out: Array) -> None:
+    """Q x of the squared distance from the axis of a side, or of an ellipsoid."""
+    own, arm = zeros(3), zeros(3)
+    if m.side >= 0:
+        axis = m.other.directions[3 * m.side :]
+        add(line, -dot(axis, line), axis, out)
+        return
+    turn_back(m.other.pose, line, own)
+    for i in range(3):
+        root = m.other.hull.roots[9 * m.opposite + 3 * i :]
+        add(arm, dot(root, own) / (dot(root, root) * dot(root, root)), root, arm)
+    turn(m.other.pose, arm, out)
+
+
 def follow(m: RimContact, at: PointOfRim) -> None:
     """Change the direction by Newton's method to that in which both touch."""
-    step = 0.0
     for _ in range(ITERATIONS):
         look(m, at)
-        step, firm = at.numbers[SLOPE], at.numbers[FIRM]
-        step = step / firm if firm > abs(step) / LARGEST_STEP else LARGEST_STEP if step > 0.0 else -LARGEST_STEP
-        add(at.outward, -step, at.tangent, at.outward)
-        add(at.outward, -dot(m.axis, at.outward), m.axis, at.outward)
-        divide(at.outward, size_of(at.outward))
-        if abs(step) <= CONVERGED:
+        if abs(turn_against(m, at, at.numbers[SLOPE], at.numbers[FIRM])) <= CONVERGED:
             break
     look(m, at)
+
+
+def turn_against(m: RimContact, at: PointOfRim, slope: float, firm: float) -> float:
+    """Turn the direction by a step of Newton's method against a slope with this derivative; the angle that it takes."""
+    step = slope / firm if firm > abs(slope) / LARGEST_STEP else LARGEST_STEP if slope > 0.0 else -LARGEST_STEP
+    add(at.outward, -step, at.tangent, at.outward)
+    add(at.outward, -dot(m.axis, at.outward), m.axis, at.outward)
+    divide(at.outward, size_of(at.outward))
+    return step
 
 
 def look(m: RimContact, at: PointOfRim) -> None:
