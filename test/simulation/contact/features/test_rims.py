@@ -156,3 +156,22 @@ def test_a_rim_beside_a_body_of_any_size_is_apart(kind):
         for _ in range(20):
             apart = 10.0 ** chance.uniform(-5.0, -2.0)
             assert 0.0 < pair.distance(*beside_thin(kind, chance, radius, sizes, apart)) <= apart + 1e-12
+
+
+def test_an_ellipsoid_above_the_tip_of_a_cone_is_apart():
+    """However flat it is: steps from the best of some normals missed that of the tip, and they entered each other."""
+    chance = np.random.default_rng(9)
+    for _ in range(40):
+        (width, length), axes = 0.25 * 10.0 ** chance.uniform(-1.5, 0.3, 2), 0.25 * 10.0 ** chance.uniform(-1.5, 0.0, 3)
+        pair = SmoothPair(ConeBody(HERE, UP, width, length), EllipsoidBody(HERE, np.eye(3), tuple(axes)), 8)
+        for _ in range(25):
+            tilt, apart, turned = (
+                chance.uniform(0.0, np.arctan2(length, width)),
+                10.0 ** chance.uniform(-5.0, -2.0),
+                Rotation.random(rng=chance),
+            )
+            normal = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+            own = turned.inv().apply(-normal)
+            arm = turned.apply(axes**2 * own / np.sqrt(np.sum((axes * own) ** 2)))
+            poses = Pose(np.zeros(3), np.eye(3)), Pose(0.5 * length * UP + apart * normal - arm, turned.as_matrix())
+            assert 0.0 < pair.distance(*poses) <= apart + 1e-12

@@ -22,6 +22,7 @@ from mbd_sim.simulation.contact.compiled.features.vectors import (
 )
 
 LEAST = 1e-30  # of √(n·K n) in m, which is zero along the axis of a rim
+FEET, DEEPEST = 15, -0.9  # steps to the nearest point of an ellipsoid, and how deep it may be beyond, in its curvature
 FLAT = 1e-6  # sine of the angle below which an edge lies on a face
 CODES = POINTS + 2  # numbers of points of a rim, and of an edge
 CROSSED = 1e-3  # of the radius of a disc: half of a chord, up to which its middle carries an edge
@@ -119,6 +120,47 @@ def farthest(body: PlacedRound, corner: int, normal: Array, sign: float, out: Ar
     arm = zeros(3)
     offset(body, corner, normal, arm)
     add(body.corners[3 * corner :], sign, arm, out)
+
+
+def nearest_on_ellipsoid(body: PlacedRound, corner: int, line: Array, arm: Array, normal: Array) -> float:
+    """From the center of an ellipsoid to its point nearest to the end of a `line` from there, and the unit normal.
+
+    :returns: the length that x / r² has there, 1 over the distance of the center from the plane that touches it.
+    """
+    own, fold, level, outward, roots = zeros(3), zeros(3), zeros(3), zeros(3), body.hull.roots[9 * corner :]
+    turn_back(body.pose, line, own)
+    for i in range(3):
+        fold[i] = dot(roots[3 * i :], own)
+    far = foot(roots, fold)
+    for i in range(3):
+        square = dot(roots[3 * i :], roots[3 * i :])
+        add(level, fold[i] / (square + far), roots[3 * i :], level)
+        add(outward, fold[i] / (square * (square + far)), roots[3 * i :], outward)
+    size = max(size_of(outward), LEAST)
+    divide(outward, size)
+    turn(body.pose, outward, normal)
+    turn(body.pose, level, arm)
+    return size
+
+
+def foot(roots: Array, fold: Array) -> float:
+    """λ of the nearest point of an ellipsoid: its parts along the half axes r are r² z / (r² + λ) of the parts z.
+
+    :param fold: the products r z.
+    """
+    far, least = 0.0, math.inf
+    for i in range(3):
+        least = min(least, dot(roots[3 * i :], roots[3 * i :]))
+    for _ in range(FEET):
+        excess, slope = -1.0, 0.0
+        for i in range(3):
+            square = dot(roots[3 * i :], roots[3 * i :]) + far
+            excess += fold[i] * fold[i] / (square * square)
+            slope += fold[i] * fold[i] / (square * square * square)
+        if not slope > 0.0:
+            break
+        far = max(far + 0.5 * excess / slope, DEEPEST * least)
+    return far
 
 
 def add_bend(body: PlacedRound, corner: int, normal: Array, out: Array) -> None:

@@ -14,6 +14,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     PlacedRound,
     RoundHull,
     add_bend,
+    nearest_on_ellipsoid,
     offset,
     reach,
     tilt,
@@ -210,9 +211,26 @@ def iterated_normal(a: PlacedRound, b: PlacedRound, key: Integers, start: Array,
         divide(out, size)
         admit(m, out, toward)
         climb_from(m, toward, across, best)
+    if key[KIND] == CORNER_CORNER and normal_beside_ellipsoid(m, out):
+        admit(m, out, toward)
+        climb_from(m, toward, across, best)
     leave_axis(m, a, corner_a, b, corner_b, across, best)
     leave_axis(m, b, corner_b, a, corner_a, across, best)
     normal_from(m, across, out)
+
+
+def normal_beside_ellipsoid(m: Iteration, out: Array) -> bool:
+    """The normal of a point and an ellipsoid; False for other corners. From elsewhere steps miss that of a thin one."""
+    arm, back = zeros(3), zeros(3)
+    if m.a.hull.faces == 0 and m.a.hull.is_curved and not m.b.hull.curved[m.corner_b]:
+        scale(-1.0, m.line, back)
+        nearest_on_ellipsoid(m.a, m.corner_a, back, arm, back)
+        scale(-1.0, back, out)
+        return True
+    if m.b.hull.faces == 0 and m.b.hull.is_curved and not m.a.hull.curved[m.corner_a]:
+        nearest_on_ellipsoid(m.b, m.corner_b, m.line, arm, out)
+        return True
+    return False
 
 
 def leave_axis(

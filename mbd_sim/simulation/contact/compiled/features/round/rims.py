@@ -25,6 +25,7 @@ from mbd_sim.simulation.contact.compiled.features.round.bodies import (
     farthest,
     folded,
     is_rim,
+    nearest_on_ellipsoid,
 )
 from mbd_sim.simulation.contact.compiled.features.round.crossings import (
     CROSSING,
@@ -66,7 +67,6 @@ SAMPLES = 2 * POINTS  # directions around a rim; the search begins where it is n
 IN_PLANES, STARTS = 4, 6  # of two rims: points in both planes, and with those where they cross, seen along their axes
 OVERLAP = 1e-6  # of the radius: beyond it there may be several stationary directions, and more starts are tried
 SINKING = 8  # steps to where a rim is deepest in a body, which may be too thin for the samples
-FEET, DEEPEST = 15, -0.9  # steps to the nearest point of an ellipsoid, and how deep it may be beyond, in its curvature
 SLOPE, FIRM, BEND = 0, 1, 2
 NUMBERS = 3
 
@@ -394,22 +394,10 @@ def look_at_side(m: RimContact, at: PointOfRim) -> None:
 
 
 def look_at_ellipsoid(m: RimContact, at: PointOfRim) -> None:
-    """Find the nearest point of the ellipsoid with λ: see `foot`."""
+    """Find the nearest point of the ellipsoid."""
     radius, roots = m.rim.hull.rims[m.corner], m.other.hull.roots[9 * m.opposite :]
-    own, fold, arm, normal = zeros(3), zeros(3), zeros(3), zeros(3)
     tangent, outward = zeros(3), zeros(3)
-    turn_back(m.other.pose, at.line, own)
-    for i in range(3):
-        fold[i] = dot(roots[3 * i :], own)
-    far = foot(roots, fold)
-    for i in range(3):
-        square = dot(roots[3 * i :], roots[3 * i :])
-        add(arm, fold[i] / (square + far), roots[3 * i :], arm)
-        add(normal, fold[i] / (square * (square + far)), roots[3 * i :], normal)
-    size = max(size_of(normal), LEAST)
-    divide(normal, size)
-    turn(m.other.pose, normal, at.normal)
-    turn(m.other.pose, arm, at.arm)
+    size = nearest_on_ellipsoid(m.other, m.opposite, at.line, at.arm, at.normal)
     add(at.line, -1.0, at.arm, at.line)
     turn_back(m.other.pose, at.tangent, tangent)
     turn_back(m.other.pose, at.outward, outward)
@@ -422,23 +410,3 @@ def look_at_ellipsoid(m: RimContact, at: PointOfRim) -> None:
     at.numbers[SLOPE] = dot(at.tangent, at.normal)
     at.numbers[FIRM] = radius * bent - dot(at.outward, at.normal)
     at.numbers[BEND] = 3.0 * radius * abs(twisted)
-
-
-def foot(roots: Array, fold: Array) -> float:
-    """λ of the nearest point of an ellipsoid: its parts along the half axes r are r² z / (r² + λ) of the parts z.
-
-    :param fold: the products r z.
-    """
-    far, least = 0.0, math.inf
-    for i in range(3):
-        least = min(least, dot(roots[3 * i :], roots[3 * i :]))
-    for _ in range(FEET):
-        excess, slope = -1.0, 0.0
-        for i in range(3):
-            square = dot(roots[3 * i :], roots[3 * i :]) + far
-            excess += fold[i] * fold[i] / (square * square)
-            slope += fold[i] * fold[i] / (square * square * square)
-        if not slope > 0.0:
-            break
-        far = max(far + 0.5 * excess / slope, DEEPEST * least)
-    return far
