@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import CommandError, MbdSimError, MechanismError, nearest
+from mbd_sim.base.errors import CommandError, DivergedError, MbdSimError, MechanismError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.many.sweep.plan import EFFORT, Statistics, column_names, coordinates, named_quantities
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.contact.stepper import EventError
 from mbd_sim.simulation.ensemble.ensemble import Ensemble
 from mbd_sim.simulation.run.arguments import steps_in
 
@@ -84,7 +83,7 @@ def compute(settings: Settings, chunk: Chunk, threads: int | None = 1) -> Result
     mechanism = settings.mechanism()
     try:
         return _together(settings, mechanism, chunk, threads)
-    except (MechanismError, CommandError, EventError) as error:
+    except (MechanismError, CommandError, DivergedError) as error:
         if len(chunk.changes) == 1:
             return _missing(mechanism, settings.quantities, chunk, error)
     single_runs = (Chunk(chunk.first + index, [change]) for index, change in enumerate(chunk.changes))

@@ -186,7 +186,7 @@ class Ensemble(ReadOnlyAttributes):
         :param nearest_speeds: take the speeds nearest to `u` that satisfy the constraints, however far away.
         :raises ValueError: wrong shape, a value that is not finite, or loops that cannot be closed near a state.
         :raises CommandError: a member is inside an obstacle, or its speeds violate the constraints.
-        :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
+        :raises DivergedError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
         self._begin(np.arange(len(self)), q, u, nearest_speeds)
         self._count[0], self._failures = 0, {}
@@ -210,7 +210,7 @@ class Ensemble(ReadOnlyAttributes):
             `members` are a mask.
         :raises IndexError: there is no such member.
         :raises CommandError: see `reset`.
-        :raises EventError: see `reset`.
+        :raises DivergedError: see `reset`.
         """
         if (reason := self._time_dependence) is not None:
             raise ValueError(f"members cannot start again by themselves, because {reason}. Use reset().")
