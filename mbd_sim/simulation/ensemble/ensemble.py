@@ -428,6 +428,12 @@ class Ensemble(ReadOnlyAttributes):
         ]
         return EnsembleEnergies(*np.array(rows).T)
 
+    @property
+    def losses(self) -> Losses:
+        """The energies (k,) in J that impacts and dry friction have dissipated; zero without one-sided elements."""
+        found = [self.model.losses(y) for y in self.state]
+        return Losses(*np.array(found).T)
+
     def motion(self, frame: str) -> EnsembleMotion:
         """The motion of a part, or of one of its points, as `part.point`: see `Simulation.motion`.
 
@@ -457,11 +463,6 @@ class Ensemble(ReadOnlyAttributes):
             )
             for name in found[0]
         }
-
-    def losses(self) -> Losses:
-        """The energies (k,) in J that impacts and dry friction have dissipated; zero without one-sided elements."""
-        found = [self.model.losses(y) for y in self.state]
-        return Losses(*np.array(found).T)
 
     def observe_contacts(self, observers: Sequence[ContactObserver]) -> None:
         """Tell each member's observer of the events at its contacts from now on; without contacts there are none.
