@@ -184,7 +184,7 @@ def _polished(
         problem.begin(first, start)
         if not np.all(np.isfinite(problem.deviations(start))):
             continue
-        bounds = bounds_of_unknowns(problem, variables, start, around=False)
+        bounds = bounds_of_unknowns(variables, start, around=False)
         x, steps, converged = local_optimum(problem, np.clip(start, *bounds), bounds, norm, MOST_STEPS)
         loss = _size(problem.deviations(x), norm)
         problem.jacobian(x)
