@@ -26,7 +26,7 @@ from mbd_sim.files.load import load_mechanism
 from mbd_sim.files.text.library import shipped
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.animation import Animation, Frame
-from mbd_sim.pictures.drawing.outlines import bounding_points
+from mbd_sim.pictures.drawing.parts import bounding_points
 from mbd_sim.pictures.drawing.picture import draw
 from mbd_sim.simulation.run.simulation import BaseSimulation
 

@@ -320,7 +320,7 @@ def derive(
     y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, forces.actuator_rates, audit)
     one_sided = None
     if rows is not None:
-        from mbd_sim.dynamics.one_sided_functions import OneSidedDynamics
+        from mbd_sim.dynamics.one_sided_dynamics import OneSidedDynamics
 
         dynamics = OneSidedDynamics(traced, mass_matrix, constraints, solver, forces, rows, assembly.functions.size)
         one_sided, motion = dynamics.functions(y_rates), dynamics.given_motion()

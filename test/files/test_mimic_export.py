@@ -11,7 +11,7 @@ from mbd_sim.files.load import load_mechanism, parse_mechanism
 from mbd_sim.files.mjcf.writer import to_mjcf
 from mbd_sim.files.sdf.writer import to_sdf
 from mbd_sim.files.text.yaml_text import mechanism_text, yaml_text
-from mbd_sim.files.urdf.elements import mimics_of
+from mbd_sim.files.urdf.motions import mimics_of
 from mbd_sim.files.urdf.writer import ControlTopics, left_out, to_urdf
 
 TOPICS = ControlTopics("/c", "/s")

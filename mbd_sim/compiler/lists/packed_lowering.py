@@ -29,7 +29,7 @@ def lower_packed(module: Module, like: Instructions, packing: Packing, inline: b
     if len(split) == 1:
         _PackedLowering(module, builder, packing, emitted.args, inputs).run(packing.units)
     else:
-        places = _places(packing.units, split)
+        places = _places(split)
         memory = local_array(builder, sum(len(nodes) for nodes in places))
         for index, piece in enumerate(split):
             part, inside = define(module, f"{like.name()}.{index}", inputs + outputs + 1, False, 1)
@@ -40,7 +40,7 @@ def lower_packed(module: Module, like: Instructions, packing: Packing, inline: b
     return emitted
 
 
-def _places(units: Sequence[Unit], split: Sequence[Sequence[Unit]]) -> dict[tuple[int, ...], int]:
+def _places(split: Sequence[Sequence[Unit]]) -> dict[tuple[int, ...], int]:
     """Where in memory the values are that one piece computes and others use."""
     home = {node: (index, unit.nodes) for index, piece in enumerate(split) for unit in piece for node in unit.nodes}
     shared = dict.fromkeys(

@@ -51,7 +51,7 @@ def add_start(document: MjcfDocument) -> None:
             if each.joint.drive:
                 position, speed = np.zeros(_size(each)), np.zeros(_size(each) - (not each.single))
             else:
-                position, speed = _values(body, each, q[layout.q[name]], u[layout.u[name]])
+                position, speed = _values(each, q[layout.q[name]], u[layout.u[name]])
             positions.append(position)
             speeds.append(speed)
     if positions:
@@ -75,7 +75,7 @@ def _size(each: MjcfJoint) -> int:
     return {"ball": 4, "free": 7}.get(each.kind, 1)
 
 
-def _values(body: WrittenBody, each: MjcfJoint, q: Array, u: Array) -> tuple[Array, Array]:
+def _values(each: MjcfJoint, q: Array, u: Array) -> tuple[Array, Array]:
     """qpos and qvel of a joint of MuJoCo, from the coordinates and speeds of ours."""
     joint = each.joint
     if each.single:

@@ -23,7 +23,7 @@ from mbd_sim.base.geometry.rotation import to_quaternion
 from mbd_sim.files.mjcf.written.bodies import Written, number, text, written
 from mbd_sim.files.sdf.scopes import WORLD
 from mbd_sim.files.sdf.written_joints import LinkPoses, SdfJoint, WrittenAxis, written_chain, written_closing
-from mbd_sim.files.urdf.elements import mimics_of
+from mbd_sim.files.urdf.motions import mimics_of
 from mbd_sim.files.urdf.writer import THICKNESS, control_blocks
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.constraints import ContactLaw

@@ -14,7 +14,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import about
-from mbd_sim.files.urdf.elements import Mimic, motions_of, range_of
+from mbd_sim.files.urdf.motions import Mimic, motions_of, range_of
 from mbd_sim.mechanism.elements.joint_types import CommandedDrive, JointType
 from mbd_sim.mechanism.elements.parts import Joint
 

@@ -23,8 +23,8 @@ from mbd_sim.base.errors import listed
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import to_rpy
 from mbd_sim.files.text import xml as xml_elements
-from mbd_sim.files.urdf.elements import Motion, mimics_of, motions_of, range_of
 from mbd_sim.files.urdf.gazebo import GAZEBO, SPRING
+from mbd_sim.files.urdf.motions import Motion, mimics_of, motions_of, range_of
 from mbd_sim.mechanism.contents import commanded_drives
 from mbd_sim.mechanism.elements.actuators import CoordinatePort
 from mbd_sim.mechanism.elements.forces import Bushing

@@ -218,7 +218,7 @@ class Sample:
     @cached_property
     def losses(self) -> Losses:
         """The energies that impacts and dry friction have dissipated."""
-        return self._ensemble.losses()
+        return self._ensemble.losses
 
     @cached_property
     def drives(self) -> Mapping[str, EnsembleDrive]:

@@ -5,7 +5,6 @@ Dask can execute the chunks in local processes or on a cluster. The results are 
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -16,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import CommandError, MbdSimError, MechanismError, nearest
+from mbd_sim.base.errors import CommandError, DivergedError, MbdSimError, MechanismError, nearest
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.packages import require_packages
+from mbd_sim.base.worker_processes import ending_at_once, leave_interrupts_to_parent
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.many.sweep.plan import EFFORT, Statistics, column_names, coordinates, named_quantities
 from mbd_sim.mechanism.mechanism import Mechanism
-from mbd_sim.simulation.contact.stepper import EventError
 from mbd_sim.simulation.ensemble.ensemble import Ensemble
 from mbd_sim.simulation.run.arguments import steps_in
 
@@ -84,7 +83,7 @@ def compute(settings: Settings, chunk: Chunk, threads: int | None = 1) -> Result
     mechanism = settings.mechanism()
     try:
         return _together(settings, mechanism, chunk, threads)
-    except (MechanismError, CommandError, EventError) as error:
+    except (MechanismError, CommandError, DivergedError) as error:
         if len(chunk.changes) == 1:
             return _missing(mechanism, settings.quantities, chunk, error)
     single_runs = (Chunk(chunk.first + index, [change]) for index, change in enumerate(chunk.changes))
@@ -208,20 +207,10 @@ def _local_workers() -> Iterator[ProcessPoolExecutor]:
     from dask.system import CPU_COUNT
 
     count = config.get("num_workers", None) or CPU_COUNT
-    pool = ProcessPoolExecutor(count, mp_context=get_context(), initializer=_leave_interrupts_to_parent)
-    try:
+    with ending_at_once(
+        ProcessPoolExecutor(count, mp_context=get_context(), initializer=leave_interrupts_to_parent)
+    ) as pool:
         yield pool
-    except BaseException:
-        # Python 3.14 is the first with `terminate_workers`. Other threads may have started processes of their own.
-        for worker in list((pool._processes or {}).values()):
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _leave_interrupts_to_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager

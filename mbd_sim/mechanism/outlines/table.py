@@ -17,7 +17,6 @@ from mbd_sim.mechanism.outlines.pieces import Outline, Piece, Round, Straight
 DENT = 1e-6  # rad, turn to the right up to which a joint is smooth
 FULL = 2.0 * math.pi - 1e-9  # rad, turn from which on a round piece is a whole circle
 
-Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 

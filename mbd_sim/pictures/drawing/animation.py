@@ -22,7 +22,7 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.constraints import constraint_curves
 from mbd_sim.pictures.drawing.contacts import contact_paths
-from mbd_sim.pictures.drawing.outlines import bounding_points, pointer_paths
+from mbd_sim.pictures.drawing.parts import bounding_points, pointer_paths
 from mbd_sim.pictures.drawing.picture import POINTS, Composition, DrawingError, mechanism_sheet, pixels
 from mbd_sim.pictures.drawing.sheet import FRONT, GRAY, MARKS, ScaledView, Sheet, SheetPath, SheetText, view_of
 from mbd_sim.pictures.shapes.joints import LONG, traced_points, weight

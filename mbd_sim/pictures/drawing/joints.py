@@ -13,7 +13,8 @@ import numpy as np
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import aligning_z, unit_or_zero
 from mbd_sim.mechanism.elements.parts import Shape
-from mbd_sim.pictures.drawing.outlines import DOT, ROD_TOLERANCE, along_rod, cylinder, is_point, rounded
+from mbd_sim.pictures.drawing.outlines import DOT, cylinder, rounded
+from mbd_sim.pictures.drawing.parts import ROD_TOLERANCE, along_rod, is_point
 from mbd_sim.pictures.drawing.sheet import (
     AXIS_DASH,
     BACK,
@@ -213,7 +214,7 @@ def _body_span(placed: PlacedJoint) -> tuple[float, float] | None:
 def _on_rod(placed: PlacedJoint) -> bool:
     """Whether a rod of the carrying part is the guide."""
     part = placed.carrier_part
-    return part is not None and any(s.kind == "rod" and along_rod(part, placed.joint, s) for s in part.shapes)
+    return part is not None and any(s.kind == "rod" and along_rod(placed.joint, s) for s in part.shapes)
 
 
 def _in_tube(placed: PlacedJoint) -> bool:

@@ -26,7 +26,7 @@ from mbd_sim.pictures.drawing.constraints import constraint_curves, constraint_p
 from mbd_sim.pictures.drawing.contacts import contact_paths
 from mbd_sim.pictures.drawing.forces import drive_paths, force_paths, two_point_paths
 from mbd_sim.pictures.drawing.joints import carries_coordinate_only, joint_paths, label_point
-from mbd_sim.pictures.drawing.outlines import bounding_points, mass_center, part_paths, pin_bar_paths
+from mbd_sim.pictures.drawing.parts import bounding_points, mass_center, part_paths, pin_bar_paths
 from mbd_sim.pictures.drawing.sheet import (
     FRONT,
     GRAY,

@@ -18,7 +18,7 @@ from mbd_sim.base.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.elements.parts import GROUND, Joint, Part
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.mechanism.values.expression import TimeExpression
-from mbd_sim.pictures.drawing.outlines import span_along
+from mbd_sim.pictures.drawing.parts import span_along
 from mbd_sim.pictures.drawing.sheet import (
     BACK,
     BODIES,

@@ -12,7 +12,7 @@ from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.drawing.constraints import constraint_curves
-from mbd_sim.pictures.drawing.outlines import bounding_points
+from mbd_sim.pictures.drawing.parts import bounding_points
 from mbd_sim.pictures.drawing.picture import (
     HEIGHT,
     Composition,

@@ -31,7 +31,8 @@ from mbd_sim.recordings.mcap.contents import (
     data_stream,
     scan_records,
 )
-from mbd_sim.recordings.mcap.repair import DataSection, definition_problem, read_data_section, strictly_read
+from mbd_sim.recordings.mcap.message_definitions import definition_problem
+from mbd_sim.recordings.mcap.repair import DataSection, read_data_section, strictly_read
 from mbd_sim.recordings.messages.cdr import ReadingError
 
 _FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4

@@ -29,8 +29,9 @@ from mbd_sim.recordings.mcap.contents import (
     encoded,
     scan_records,
 )
+from mbd_sim.recordings.mcap.message_definitions import definition_problem
 from mbd_sim.recordings.mcap.reader import read_mcap
-from mbd_sim.recordings.mcap.repair import DataSection, chunk_records, definition_problem, read_data_section
+from mbd_sim.recordings.mcap.repair import DataSection, chunk_records, read_data_section
 from mbd_sim.recordings.mcap.rosbag2 import FILE_NAME, bag_text, read_bag_metadata, write_metadata
 from mbd_sim.recordings.mcap.writer import DurableFile, write_end
 from mbd_sim.recordings.messages.cdr import RecordedFile

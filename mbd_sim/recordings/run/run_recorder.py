@@ -20,6 +20,7 @@ from mbd_sim.recordings.messages.topics import (
     ACCELERATIONS,
     CONSTRAINT_VIOLATION,
     CONTACT_FORCES,
+    CONTACT_STATES,
     JOINT_REACTIONS,
     PART_POSES,
     SENSORS,
@@ -87,6 +88,7 @@ class RunRecorder:
         poses, accelerations = ([one] if isinstance(one, str) else one for one in (poses, accelerations))
         wanted = {
             JOINT_REACTIONS.name: reactions,
+            CONTACT_STATES.name: bool(simulation.model.contact_readings.entry_names()),
             CONTACT_FORCES.name: contact_forces,
             CONSTRAINT_VIOLATION.name: violation,
         }
@@ -237,7 +239,7 @@ def _possible_rate(rate: float | None, step_size: float) -> float:
 def _requested(
     simulation: BaseSimulation, wanted: Mapping[str, bool], poses: Sequence[str], accelerations: Sequence[str]
 ) -> list[OutputTopic]:
-    """The topics to record: those that the node always records, and those on request."""
+    """The topics to record: all that the node records, but those that are not `wanted`."""
     parts = simulation.model.part_names
     for part in poses:
         if part not in (*parts, ALL):

@@ -23,9 +23,10 @@ from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.compiler.rows.pooled_rows import TWIST, CompiledPool, PooledRows
 from mbd_sim.compiler.rows.slot_values import CompiledSlot, SlotSystem
 from mbd_sim.compiler.steps.active_rows import FactoredSystem, Load, OneSidedSystem
-from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations, OneSidedLayout
+from mbd_sim.dynamics.contact.one_sided_equations import SLIDING, OneSidedEquations
 from mbd_sim.dynamics.contact.rows.slots import MOTION
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.layouts.one_sided import OneSidedLayout
 from mbd_sim.dynamics.layouts.vectors import InputLayout
 from mbd_sim.dynamics.one_sided_functions import OneSidedFunctions, SolvedPair
 from mbd_sim.mechanism.elements.contacts import Contact

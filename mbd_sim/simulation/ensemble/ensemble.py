@@ -186,7 +186,7 @@ class Ensemble(ReadOnlyAttributes):
         :param nearest_speeds: take the speeds nearest to `u` that satisfy the constraints, however far away.
         :raises ValueError: wrong shape, a value that is not finite, or loops that cannot be closed near a state.
         :raises CommandError: a member is inside an obstacle, or its speeds violate the constraints.
-        :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
+        :raises DivergedError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
         self._begin(np.arange(len(self)), q, u, nearest_speeds)
         self._count[0], self._failures = 0, {}
@@ -210,7 +210,7 @@ class Ensemble(ReadOnlyAttributes):
             `members` are a mask.
         :raises IndexError: there is no such member.
         :raises CommandError: see `reset`.
-        :raises EventError: see `reset`.
+        :raises DivergedError: see `reset`.
         """
         if (reason := self._time_dependence) is not None:
             raise ValueError(f"members cannot start again by themselves, because {reason}. Use reset().")
@@ -428,6 +428,12 @@ class Ensemble(ReadOnlyAttributes):
         ]
         return EnsembleEnergies(*np.array(rows).T)
 
+    @property
+    def losses(self) -> Losses:
+        """The energies (k,) in J that impacts and dry friction have dissipated; zero without one-sided elements."""
+        found = [self.model.losses(y) for y in self.state]
+        return Losses(*np.array(found).T)
+
     def motion(self, frame: str) -> EnsembleMotion:
         """The motion of a part, or of one of its points, as `part.point`: see `Simulation.motion`.
 
@@ -457,11 +463,6 @@ class Ensemble(ReadOnlyAttributes):
             )
             for name in found[0]
         }
-
-    def losses(self) -> Losses:
-        """The energies (k,) in J that impacts and dry friction have dissipated; zero without one-sided elements."""
-        found = [self.model.losses(y) for y in self.state]
-        return Losses(*np.array(found).T)
 
     def observe_contacts(self, observers: Sequence[ContactObserver]) -> None:
         """Tell each member's observer of the events at its contacts from now on; without contacts there are none.

@@ -23,7 +23,7 @@ from mbd_sim.compiler.ensemble_kernel import (
 )
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.simulation.contact.compiled_contacts import advance_members
-from mbd_sim.simulation.contact.stepper import EventError, OneSidedStepper
+from mbd_sim.simulation.contact.stepper import OneSidedStepper
 from mbd_sim.simulation.ensemble.variants import Variants
 from mbd_sim.simulation.kernel.memory import KernelMemory, one_sided_stepper
 from mbd_sim.simulation.model.builder import partial_system
@@ -49,14 +49,14 @@ def find_modes_of_members(
     :param steppers: of all members.
     :param states: (k, n), and `inputs` (k, m), of these members.
     :raises CommandError: a member is inside an obstacle.
-    :raises EventError: contacts without a solution; both errors name the member.
+    :raises DivergedError: contacts without a solution, or with more points than slots; both errors name the member.
     """
     for member, y, row in zip(members.tolist() if steppers else (), states, inputs, strict=False):
         steppers[member].events.clear()
         try:
             require_outside(model, 0.0, y, row)
             steppers[member].find_modes(0.0, y, row)
-        except (CommandError, EventError) as error:
+        except (CommandError, DivergedError) as error:
             raise type(error)(f"member {member}: {error}") from error
 
 
@@ -78,7 +78,7 @@ def advance_through_events(steppers: Sequence[OneSidedStepper], inputs_size: int
                 own, history = inputs[:inputs_size], inputs[inputs_size:]
                 try:
                     alive[0] = float(steppers[member].advance(y, own, history, np.array([first]), h, steps, estimate))
-                except EventError:
+                except DivergedError:
                     alive[0] = 0.0
         done.append(groups)
 
@@ -124,7 +124,7 @@ def divergence_of_member(
     memory.restore(y, failure.inputs, failure.steps)
     try:
         memory.advance(failure.count)
-    except EventError as error:
+    except DivergedError as error:
         return error
     undefined = undefined_expression(model, mechanism, memory, failure.count)
     time = failure.steps * step_size

@@ -169,7 +169,7 @@ class KernelMemory:
     def find_modes(self) -> None:
         """Determine the modes of one-sided rows, for a state that was set from outside.
 
-        :raises EventError: contacts without a solution.
+        :raises DivergedError: contacts without a solution, or with more points than slots.
         """
         if self.stepper is not None:
             marks, before = self.marks, self.marks[0]

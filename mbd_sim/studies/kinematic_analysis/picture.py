@@ -19,7 +19,7 @@ from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.pictures.drawing.animation import TRACE_COLORS, TRACE_WIDTH, traced_point_paths
 from mbd_sim.pictures.drawing.constraints import constraint_curves
-from mbd_sim.pictures.drawing.outlines import bounding_points
+from mbd_sim.pictures.drawing.parts import bounding_points
 from mbd_sim.pictures.drawing.picture import POINTS, Composition, add_picture, mechanism_sheet
 from mbd_sim.pictures.drawing.sheet import FRONT, INK, MARKS, ScaledView, SheetPath, view_of
 from mbd_sim.pictures.shapes.joints import traced_points

@@ -65,7 +65,7 @@ def force_reports(mechanism: Mechanism) -> list[dict[str, Any]]:
     return [
         {
             "name": element.name,
-            "type": _type(element, mechanism),
+            "type": _type(element),
             "at": _place(element),
             "depends_on": list(_variables(element)),
         }
@@ -73,7 +73,7 @@ def force_reports(mechanism: Mechanism) -> list[dict[str, Any]]:
     ]
 
 
-def _type(element: ForceElement, mechanism: Mechanism) -> str:
+def _type(element: ForceElement) -> str:
     match element:
         case Spring(law=GreenStrain()):
             return "elastic_bar"

@@ -19,6 +19,7 @@ import numpy as np
 from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import record
+from mbd_sim.base.worker_processes import ending_at_once, leave_interrupts_to_parent
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.synthesis.candidates import UNREACHED, ParameterCandidates, candidates_of
 from mbd_sim.studies.synthesis.conditions import MET, Condition
@@ -183,7 +184,7 @@ def _polished(
         problem.begin(first, start)
         if not np.all(np.isfinite(problem.deviations(start))):
             continue
-        bounds = bounds_of_unknowns(problem, variables, start, around=False)
+        bounds = bounds_of_unknowns(variables, start, around=False)
         x, steps, converged = local_optimum(problem, np.clip(start, *bounds), bounds, norm, MOST_STEPS)
         loss = _size(problem.deviations(x), norm)
         problem.jacobian(x)
@@ -251,22 +252,12 @@ def _evaluator(candidates: ParameterCandidates, workers: int) -> Iterator[Callab
     if workers == 1:
         yield lambda parameters: np.concatenate([candidates.losses(chunk) for chunk in chunks(parameters)])
         return
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _take_over, (candidates,))
-    try:
+    with ending_at_once(ProcessPoolExecutor(workers, get_context("spawn"), _take_over, (candidates,))) as pool:
         yield lambda parameters: np.concatenate(list(pool.map(_losses, chunks(parameters))))
-    except BaseException:
-        # Python 3.14 is the first with `terminate_workers`.
-        for worker in list((pool._processes or {}).values()):
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _take_over(candidates: ParameterCandidates) -> None:
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
+    leave_interrupts_to_parent()
     global _candidates
     _candidates = candidates
 

@@ -116,7 +116,7 @@ def local_design(
 ) -> Design:
     """The same for a problem whose equations are traced."""
     start, goal, mechanism = problem.start, problem.goal, problem.mechanism
-    bounds = bounds_of_unknowns(problem, variables, start)
+    bounds = bounds_of_unknowns(variables, start)
     problem.begin(configurations_along(problem.parametric.system, problem.parametric.system.start, goal.drives))
     before = problem.deviations(start)
     if not np.all(np.isfinite(before)):
@@ -194,7 +194,7 @@ def design_of(
 
 
 def bounds_of_unknowns(
-    problem: DesignProblem, variables: Mapping[str, tuple[float, float]], start: Array, *, around: bool = True
+    variables: Mapping[str, tuple[float, float]], start: Array, *, around: bool = True
 ) -> tuple[Array, Array]:
     """The lower and upper bounds of the unknowns; with `around`, the start must lie between them.
 

@@ -6,7 +6,7 @@ import pytest
 from mbd_sim.analysis.mechanics.kinematics import Kinematics
 from mbd_sim.files.load import parse_mechanism
 from mbd_sim.pictures.drawing.animation import traced_point_paths
-from mbd_sim.pictures.drawing.outlines import pin_bar_paths
+from mbd_sim.pictures.drawing.parts import pin_bar_paths
 from mbd_sim.pictures.drawing.sheet import ScaledView, view_of
 from mbd_sim.pictures.shapes.joints import traced_points
 from mbd_sim.pictures.shapes.palette import part_colors

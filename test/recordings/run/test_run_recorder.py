@@ -60,6 +60,15 @@ def test_everything_that_a_script_does_recomputes_bit_for_bit(tmp_path):
     assert table.times[0] == 0.017
 
 
+@pytest.mark.parametrize(("name", "has_contacts"), [("double_rod", False), ("bounce", True)])
+def test_states_of_contacts_are_recorded_where_there_are_any(tmp_path, name, has_contacts):
+    """A topic whose messages are all empty, or contacts without one."""
+    with Simulation.from_file(name).recording(tmp_path / "run.mcap") as recorder:
+        pass
+    topics = open_recording(recorder.path).topics
+    assert ("/contact_states" in topics) == has_contacts and "/contact_forces" not in topics
+
+
 def test_a_damaged_command_is_found(tmp_path):
     sim = Simulation.from_file("double_rod")
     with sim.recording(tmp_path / "run.mcap"):

@@ -12,23 +12,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mbd_sim.base.errors import Problem, counted, listed, quoted
 from mbd_sim.dynamics.math.spatial import is_absent, is_symbolic
 from mbd_sim.mechanism.elements.constraints import ContactLaw
 from mbd_sim.mechanism.elements.contacts import Ball, Contact, ContactBody, Solid
 from mbd_sim.mechanism.elements.parts import GROUND, Attachment, Joint
 from mbd_sim.mechanism.mechanism import Mechanism
+from mbd_sim.mechanism.values.source import Source
 
-MOST_ROWS = 1200  # of slots, of gaps and friction together: of those of pairs, and again of each pool
+MOST_ROWS = 1200  # of slots, of gaps and friction together: of those of all pairs, and again of all pools
 OWN_ROWS = 200  # of the pairs of an entry of the file, up to which each pair has slots of its own
 BALLS, SOLIDS = 4, 8  # slots of a pool for each body: a heap of balls has some three contacts for each ball
 
 
 @dataclass(frozen=True, eq=False)
 class SlotPool:
-    """The `slots` that the `pairs` of solids share; all have the same law."""
+    """The `slots` that the `pairs` of solids share; all have the same law.
+
+    `lacking` is what is wrong where bodies touch in more points.
+    """
 
     pairs: tuple[Contact, ...]
     slots: int
+    lacking: Problem
 
     @property
     def name(self) -> str:
@@ -52,7 +58,7 @@ def pooled(contacts: Iterable[Contact], mechanism: Mechanism) -> tuple[list[Cont
 
     Pools are for bodies that move freely in space: between them no direction of slip can be missing.
     """
-    kept, pools = list[Contact](), list[SlotPool]()
+    kept, shared = list[Contact](), list[list[Contact]]()
     by_name: dict[str, list[Contact]] = {}
     for contact in contacts:
         by_name.setdefault(contact.name, []).append(contact)
@@ -65,16 +71,30 @@ def pooled(contacts: Iterable[Contact], mechanism: Mechanism) -> tuple[list[Cont
             kept += own
             continue
         kept += [contact for contact in own if not _can_share(contact, free)]
-        pools.append(_pool(pairs))
-    return kept, pools
+        shared.append(pairs)
+    return kept, _pools(shared, mechanism.source)
 
 
-def _pool(pairs: Sequence[Contact]) -> SlotPool:
+def _pools(groups: Sequence[Sequence[Contact]], source: Source) -> list[SlotPool]:
+    """The pools of groups of pairs; where they would have too many rows together, each has its share of these."""
+    wanted = [_wanted_slots(pairs) for pairs in groups]
+    rows = sum(slots * _rows_of_a_slot(pairs[0]) for slots, pairs in zip(wanted, groups, strict=True))
+    names = listed([quoted(pairs[0].name) for pairs in groups])
+    together = f", and the slots that the pairs of {names} share may have {MOST_ROWS} rows together"
+    pools = []
+    for pairs, slots in zip(groups, wanted, strict=True):
+        own = slots if rows <= MOST_ROWS else max(1, slots * MOST_ROWS // rows)
+        message = f"bodies touch in more than {counted(own, 'point')} at once{together if own < slots else ''}"
+        remedy = "Name the pairs that matter with 'between'."
+        problem = source.problem(("contacts", pairs[0].name), message, remedy)
+        pools.append(SlotPool(tuple(pairs), own, problem))
+    return pools
+
+
+def _wanted_slots(pairs: Sequence[Contact]) -> int:
     bodies = [body for pair in pairs for body in (pair.first, pair.second) if isinstance(body, Solid)]
     for_each = BALLS if all(len(body.vertices) == 1 for body in bodies) else SOLIDS
-    parts = {body.at.part for body in bodies}
-    most = MOST_ROWS // _rows_of_a_slot(pairs[0])
-    return SlotPool(tuple(pairs), min(for_each * len(parts), sum(pair.slots for pair in pairs), most))
+    return min(for_each * len({body.at.part for body in bodies}), sum(pair.slots for pair in pairs))
 
 
 def _rows_of_a_slot(contact: Contact) -> int:

@@ -14,12 +14,13 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.errors import DivergedError
 from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.ir.python_kinds import address_of, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
+from mbd_sim.dynamics.contact.rows.pools import SlotPool
 from mbd_sim.mechanism.elements.contacts import (
     Ball,
     Barrel,
@@ -151,7 +152,7 @@ class FeaturePairs:
             assert contact is not None
             slots.setdefault(contact, []).append(gap)
         self.pairs: list[SlottedPair] = []
-        self.pools: dict[int, SlottedPair] = {}  # the first pair of each, by its first gap
+        self.pools: dict[int, SlotPool] = {}  # by the first gap of each
         first, holders = features, features + one_sided.layout.feature_count
         for contact, gaps in slots.items():
             known, pool = one_sided.gaps[gaps[0]].numbers, one_sided.gaps[gaps[0]].pool
@@ -162,7 +163,7 @@ class FeaturePairs:
                 parts = rows[each.first.at.part], rows[each.second.at.part]
                 self.pairs.append(SlottedPair(each, phase, tuple(gaps), first, size, parts, number, at))
             if pool is not None:
-                self.pools[gaps[0]] = self.pairs[-len(pool.pairs)]
+                self.pools[gaps[0]] = pool
                 holders += len(gaps)
             first += size * len(gaps)
         self._features, self._holders = slice(features, first), slice(first, holders)
@@ -184,12 +185,8 @@ class FeaturePairs:
         return [(record, replace(functions, alive=(functions.alive, lacking))) for record, functions in found]
 
     def _lack(self, pool: int, failures: list[BaseException], marks: NDArray[np.int64]) -> None:
-        failures.append(self._lacking(self.pools[pool]))
+        failures.append(DivergedError(str(self.pools[pool].lacking)))
         marks[0] = 1
-
-    def _lacking(self, pair: SlottedPair) -> MbdSimError:
-        message = f"contacts '{pair.contact.name}': more than {len(pair.gaps)} points touch at once"
-        return MbdSimError(f"{message}. Divide the bodies among several entries.")
 
     def _poses(self, time: float, y: Array, inputs: Array) -> Array:
         """The poses (parts + 1, 12) of all parts and of ground."""
@@ -221,7 +218,7 @@ class FeaturePairs:
                 if pair.holders is not None:
                     place = used[pair.gaps[0]]
                     if place == len(pair.gaps):
-                        raise self._lacking(pair)
+                        raise DivergedError(str(self.pools[pair.gaps[0]].lacking))
                     used[pair.gaps[0]] += 1
                     inputs[pair.holders + place] = pair.number
                 first = pair.numbers + place * pair.size

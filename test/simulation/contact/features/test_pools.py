@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
-from mbd_sim.base.errors import InputError, MbdSimError
+from mbd_sim import Ensemble, Simulation
+from mbd_sim.base.errors import DivergedError, InputError
 from mbd_sim.dynamics.contact.rows import pools
+from mbd_sim.files.load import parse_mechanism
 
 BLOCK = "shape: {type: block, size: [0.1, 0.12, 0.08], mass: 0.4}"
 SHAPES = (BLOCK, "shape: {type: capsule, length: 0.08, radius: 0.03, mass: 0.2}", BLOCK, BLOCK)
@@ -127,13 +128,65 @@ def test_events_name_the_pair(monkeypatch):
     assert names and all("_on_" in name for name in names)
 
 
-def test_more_points_than_slots_are_refused(monkeypatch):
-    """Bodies that pass through each other without a word because no slot is left."""
+def few(monkeypatch):
+    """A stack whose bodies touch in more points than the slot of its pool."""
     monkeypatch.setattr(pools, "SOLIDS", 1)
     monkeypatch.setattr(pools, "MOST_ROWS", 3)
-    sim = shared(monkeypatch, name="few", shapes=(BLOCK, BLOCK, BLOCK), turned=False)
-    with pytest.raises(MbdSimError, match="contacts 'bodies': more than 1 points touch at once"):
+    return shared(monkeypatch, name="few", shapes=(BLOCK, BLOCK, BLOCK), turned=False)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_all_pools_together_have_no_more_rows_than_possible(monkeypatch, seed):
+    """A bound of each entry of the file, of which many have any number of rows; an error that names one of them."""
+    random = np.random.default_rng(seed)
+    groups = {f"g{k}": [f"g{k}b{n}" for n in range(size)] for k, size in enumerate(random.integers(2, 12, 4).tolist())}
+    bodies = [body for group in groups.values() for body in group]
+    mechanism = parse_mechanism("\n".join([
+        "mechanism: groups",
+        "parts:",
+        *(f"  {body}: {{{BLOCK}}}" for body in bodies),
+        "joints:",
+        *(f"  {body}: {{type: free, between: [ground, {body}]}}" for body in bodies),
+        "contacts:",
+        *(f"  {name}: {{among: [{', '.join(group)}], friction: {random.integers(2)}}}" for name, group in groups.items()),
+    ]))  # fmt: skip
+    monkeypatch.setattr(pools, "OWN_ROWS", 0)
+
+    def found(most):
+        monkeypatch.setattr(pools, "MOST_ROWS", most)
+        return pools.pooled(mechanism.contacts, mechanism)[1]
+
+    rows = [3 if pool.pairs[0].law.static_friction else 1 for pool in found(10**6)]
+    wanted = [pool.slots for pool in found(10**6)]
+    needed = int(np.dot(rows, wanted))
+    assert [pool.slots for pool in found(needed)] == wanted
+    for most in (needed - 1, needed // 2, needed // 5):
+        bounded = found(most)
+        assert needed / 6 < np.dot(rows, [pool.slots for pool in bounded]) <= most
+        for pool in bounded:
+            assert all(name in pool.lacking.message for name in groups) and pool.lacking.key == f"contacts.{pool.name}"
+
+
+def test_more_points_than_slots_are_refused(monkeypatch):
+    """Bodies that pass through each other without a word because no slot is left; an error that does not say where."""
+    sim = few(monkeypatch)
+    with pytest.raises(
+        DivergedError, match=r":11: contacts\.bodies: bodies touch in more than 1 point at once.*\. Name the pairs"
+    ):
         sim.step(400)
+
+
+def test_a_member_with_more_points_than_slots_is_lost_alone(monkeypatch):
+    """One member that ends the run of all others."""
+    ensemble = Ensemble(few(monkeypatch).model.mechanism, 2)
+    q, u = ensemble.q.copy(), ensemble.u.copy()
+    q[1, 2::7] += 10.0
+    u[1] = 0.0  # its bodies fall together, and do not touch
+    ensemble.reset(q, u)
+    ensemble.step(400)
+    assert ensemble.alive.tolist() == [False, True]
+    with pytest.raises(DivergedError, match=r"member 0.*more than 1 point at once"):
+        ensemble.require_alive()
 
 
 def test_what_needs_equations_of_the_rows_says_so(monkeypatch):

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from test.simulation.contact.features.rocking import require_energy_and_spin, rocking
 from test.simulation.contact.features.rows import row_of
 
 HERE, RIM, SIDE, HALF, UP = Attachment("part", np.zeros(3)), 0.25, 0.1, 0.6, np.array([0.0, 0.0, 1.0])
@@ -121,42 +119,6 @@ def test_a_side_that_rises_is_handed_on_without_a_gap(kind, order):
         assert len(keys) == 2
 
 
-ROCKING = {"cylinder": (0.12, 0.05, 2.2, 1), "disc": (0.09, 0.03, 1.5, -1), "cone": (0.14, 0.04, 1.3, -1)}
-"""Radii of the end and of the bar in m, the length of the bar over the first of them, and the order of both bodies."""
-
-
-def bar_and_end(kind):
-    """A roller above a round end that is fixed: one mechanism for all starts of a kind."""
-    rim, radius, length, order = ROCKING[kind]
-    end = {"type": kind, "radius": rim, "mass": 1} | ({} if kind == "disc" else {"length": 0.1})
-    end |= {"axis": [0, 0, -1]} if kind == "cone" else {}
-    bar = {"type": "cylinder", "radius": radius, "length": length * rim, "axis": [1, 0, 0], "mass": 1}
-    joints = {"end": {"type": "fixed", "between": ["ground", "end"]}}
-    joints["bar"] = {"type": "free", "between": ["ground", "bar"], "position": [0, 0, 1]}
-    contact = {"between": ["bar", "end"][::order], "restitution": 0}
-    parts = {"end": {"shape": end}, "bar": {"shape": bar}}
-    return json.dumps({"mechanism": "rocking", "parts": parts, "joints": joints, "contacts": {"c": contact}})
-
-
-def rocking(kind, seed):
-    """A roller that falls on a round end beside its axis, and rolls, rocks and slides off it."""
-    chance, (rim, radius, _, _) = np.random.default_rng([seed, 7]), ROCKING[kind]
-    simulation = Simulation.from_text(bar_and_end(kind), step=1e-3, live=["contacts.c.restitution"])
-    simulation.set_live({"contacts.c.restitution": 0.3 * (seed % 3)})
-    place = [*(rim * chance.normal(size=2) * [0.2, 0.4]), (0.0 if kind == "disc" else 0.05) + radius + 0.3 * rim + 0.02]
-    x, y, z, w = Rotation.from_euler("xyz", [0.0, 0.12 * chance.normal(), chance.normal()]).as_quat()
-    velocity, spin = 0.15 * chance.normal(size=3), chance.normal(size=3)
-    simulation.reset([*place, w, x, y, z], [*velocity, *spin])
-    return simulation
-
-
 @pytest.mark.parametrize(("kind", "seed"), [("cylinder", 0), ("disc", 1), ("disc", 4), ("cone", 3)])
 def test_a_roller_that_rocks_on_a_round_end_keeps_its_energy_and_its_spin_about_the_axis(kind, seed):
-    """No force on the rim or the end has a moment about the axis, so that impacts do not change that spin either."""
-    simulation = rocking(kind, seed)
-    begun = simulation.momentum([0, 0, 0]).angular[2]
-    while simulation.time < 0.5 and simulation.q[2] > 0.0:
-        simulation.step(10)
-        assert simulation.momentum([0, 0, 0]).angular[2] == pytest.approx(begun, abs=1e-12)
-    assert simulation.contact_event_count > 4
-    assert abs(simulation.energies.residual) < 5e-9
+    require_energy_and_spin(rocking("cylinder", kind, seed))

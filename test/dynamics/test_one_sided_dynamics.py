@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.dynamics import one_sided_functions
+from mbd_sim.dynamics import one_sided_dynamics
 
 # A body that slides on four points, of which three would do.
 SLED = """
@@ -28,7 +28,7 @@ def test_factors_give_the_same_motion_as_the_matrix(monkeypatch, own_builds, nam
     text, until = CASES[name]
     found = []
     for least in (1, 10**9):
-        monkeypatch.setattr(one_sided_functions, "FACTORED", least)
+        monkeypatch.setattr(one_sided_dynamics, "FACTORED", least)
         options = {"method": "tsitouras8"}
         sim = Simulation.from_file(name, **options) if text is None else Simulation.from_text(text, **options)
         assert (sim.model.equations.one_sided.rates.factors is None) == (least > 1)
