@@ -167,3 +167,30 @@ def test_an_edge_beneath_an_arc_does_not_stop_an_end(kind, seed):
     assert np.hypot(*turn[:2, 2]) < 0.1 * FLAT_TILT
     assert np.linalg.norm(simulation.u[:2] - start) < 3e-4 * np.linalg.norm(start)
     assert abs(simulation.energies.residual) < 1e-10
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_end_beside_a_block_that_is_parallel_to_a_face_is_as_far_as_their_sides(order):
+    """Also level with that face: what was far beneath the end gave the distance, and they passed through each other."""
+    chance = np.random.default_rng(1)
+    for _ in range(20):
+        half, radius = 0.1 * 10.0 ** chance.uniform(-1.0, 0.3, 3), 0.25 * 10.0 ** chance.uniform(-1.0, 0.3)
+        length = chance.choice([0.0, 0.3]) * radius
+        block = Solid(HERE, np.sign(CORNERS) * half, BLOCK, 0.0)
+        pair = SmoothPair(*(Barrel(HERE, UP, radius, length), block)[::order], 8)
+        for _ in range(15):
+            around, apart = chance.uniform(0.0, 2.0 * np.pi), 10.0 ** chance.uniform(-5.0, -2.0)
+            turn = Rotation.from_rotvec(
+                chance.uniform(0.0, EXACT_TILT) * np.array([np.cos(around), np.sin(around), 0.0])
+            )
+            axis, normal = (
+                turn.apply(UP),
+                np.array([*chance.normal(size=2), chance.choice([0.0, 1.0]) * chance.normal()]),
+            )
+            normal[2] *= 0.3 * np.linalg.norm(normal[:2])
+            normal /= np.linalg.norm(normal)
+            corner = half * np.where(normal == 0.0, chance.uniform(-1.0, 1.0), np.sign(normal))
+            outward = normal - (normal @ axis) * axis
+            rim = radius * outward / np.linalg.norm(outward) + 0.5 * length * np.sign(normal @ axis) * axis
+            end = Pose(corner + apart * normal + rim, turn.as_matrix())
+            assert 0.0 < pair.distance(*(end, Pose(np.zeros(3), np.eye(3)))[::order]) <= apart + 1e-12

@@ -102,7 +102,8 @@ def flat_rims(
         own[0], own[1] = math.inf, 0.0
         points_of_rims(p, a, b, before, kind, face, least, own)
         beneath(p, a, b, before, kind, other.normals[3 * face :], least, own)
-        found[1] = max(found[1], own[1])
+        if own[0] <= apart + FLAT_TILT * body.hull.face_radii[0]:  # not what is far beneath an end that is beside
+            found[1] = max(found[1], own[1])
         if not is_thin(other):
             found[0] = min(found[0], own[0])
         elif own[0] < math.inf:
