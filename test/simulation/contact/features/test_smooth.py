@@ -162,6 +162,16 @@ def _support(bodies, poses, normal):
     return normal @ (poses[0].position - poses[1].position) - sum(reach)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_tip_beside_the_lowest_point_of_an_ellipsoid_and_level_with_it_is_apart(order):
+    """A plane supports both there; the base of the cone, far behind it, counted as a face on which the other one lies."""
+    bodies = (EllipsoidBody(HERE, np.eye(3), (0.4, 0.2, 0.2)), ConeBody(HERE, UP, 0.1, 0.2))
+    for x, y in ((0.05, 0.0), (0.0, 0.05), (-0.08, 0.02), (0.02, 0.02)):
+        height = 0.2 * (1.0 - np.sqrt(1.0 - (x / 0.4) ** 2 - (y / 0.2) ** 2))  # of the surface above the tip
+        poses = Pose(np.array([x, y, 0.3]), np.eye(3)), Pose(np.zeros(3), np.eye(3))
+        assert 0.5 * height < SmoothPair(*bodies[::order], 8).distance(*poses[::order]) <= height
+
+
 def test_discs_that_are_almost_in_one_plane_and_apart_do_not_meet():
     """Also those beside each other that overlap from above: both normals of a rim are near the axes of both there."""
     chance, apart = np.random.default_rng(13), 0

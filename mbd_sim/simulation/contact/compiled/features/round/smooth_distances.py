@@ -123,7 +123,7 @@ def is_on_face(p: RoundBodies, a: PlacedRound, b: PlacedRound, apart: float) -> 
         for corner in range(count):
             key[SECOND if key[KIND] == FACE_CORNER else FIRST] = corner
             meet(p, a, b, key, normal, normal, meeting)
-            if meeting[MARGIN] >= 0.0 and meeting[GAP] <= apart:
+            if meeting[MARGIN] >= 0.0 and abs(meeting[GAP] - apart) <= ROUND_OFF * p.near:
                 return True
     return False
 
