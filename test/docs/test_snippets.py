@@ -9,7 +9,7 @@ from mbd_sim.analysis.equilibria import equilibrium
 from mbd_sim.cli.main import main
 from mbd_sim.exports.fmu import archive
 from mbd_sim.studies.kinematic_analysis import modes
-from mbd_sim.studies.synthesis import global_search, synthesis
+from mbd_sim.studies.synthesis import global_search, minimizers, synthesis
 from test.docs.notebooks import execute_snippet, snippets, undrawn
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,7 +31,7 @@ def test_the_snippets_of_a_page_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for module, name, few in (
         (equilibrium, "ATTEMPTS", 2), (global_search, "POLISHED", 1), (modes, "LEAST", 30), (modes, "BATCH", 30),
-        (synthesis, "FINER", 2),
+        (synthesis, "FINER", 2), (minimizers, "GAIN", 1e-3), (minimizers, "TOLERANCE", 1e-3),
     ):  # fmt: skip
         monkeypatch.setattr(module, name, few)
     monkeypatch.setattr(archive, "FLAGS", tuple(flag.replace("-O3", "-O0") for flag in archive.FLAGS))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import itertools
 from collections.abc import Sequence
 from importlib import import_module
 
@@ -69,6 +70,7 @@ def _numpy_functions() -> ctypes.Array[ctypes.c_size_t]:
 # Of LLVM's code generator. At level 0, which also has loops and calls in place of unrolled and inlined code, small
 # mechanisms compile in a tenth of the time, to slower code with the same results.
 LEVEL = 1
+_NUMBERS = itertools.count()  # of libraries, whose names cannot be used again
 
 
 class MachineCode:
@@ -106,11 +108,16 @@ def host() -> tuple[str, str]:
 
 def linked(keys: Sequence[str], codes: Sequence[bytes]) -> MachineCode:
     """The machine code of the object code of units, which are in the cache by these keys."""
-    linker = llvm.create_lljit_compiler(target_machine(*host(), LEVEL), use_jit_link=True)
     builder = llvm.JITLibraryBuilder().add_current_process()
     for code in codes:
         builder.add_object_img(code)
     for name, address in external_symbols().items():
         builder.import_symbol(name, address)
-    key = " ".join(keys)
-    return MachineCode(builder.link(linker, key), linker, key)
+    linker = _linker()
+    return MachineCode(builder.link(linker, f"code {next(_NUMBERS)}"), linker, " ".join(keys))
+
+
+@functools.cache
+def _linker() -> llvm.LLJIT:
+    """The one that links all libraries of this process: with a new one each time, to link takes three times as long."""
+    return llvm.create_lljit_compiler(target_machine(*host(), LEVEL), use_jit_link=True)

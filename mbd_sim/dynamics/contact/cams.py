@@ -34,20 +34,21 @@ STARTS = 72  # points of a profile
 LEAST_CURVATURE = 0.05  # of the profile relative to the roller, as a fraction of that of a circle
 
 
-def profile_point(profile: TimeExpression, angle: ca.SX, order: int = 0) -> ca.SX:
-    """The point (2,) in m of a profile at an angle in rad, or its derivative of an `order` by the angle."""
+def profile_points(profile: TimeExpression, derivatives: int = 0) -> Callable[[ca.SX], list[ca.SX]]:
+    """What gives the point (2,) in m of a profile at an angle in rad, and as many derivatives by the angle."""
     s = ca.SX.sym("s")
-    value = function_of(profile, {CAM_ANGLE: s}) * ca.vertcat(ca.cos(s), ca.sin(s))
-    for _ in range(order):
-        value = ca.jacobian(value, s)
-    return ca.substitute([value], [s], [angle])[0]
+    values = [function_of(profile, {CAM_ANGLE: s}) * ca.vertcat(ca.cos(s), ca.sin(s))]
+    for _ in range(derivatives):
+        values.append(ca.jacobian(values[-1], s))
+    return lambda angle: [ca.substitute([value], [s], [angle])[0] for value in values]
 
 
 def roller_angle(profile: TimeExpression, center: ca.SX) -> ca.SX:
     """The angle of the point of a profile that is nearest to a `center` (2,) in m."""
+    points = profile_points(profile, 2)
 
     def excess(s: ca.SX) -> tuple[ca.SX, ca.SX]:
-        at, slope, second = (profile_point(profile, s, order) for order in range(3))
+        at, slope, second = points(s)
         square = ca.dot(slope, slope)
         own = ca.dot(slope, at - center)
         return own, ca.fmax(square + ca.dot(second, at - center), LEAST_CURVATURE * square)
@@ -57,16 +58,17 @@ def roller_angle(profile: TimeExpression, center: ca.SX) -> ca.SX:
 
 def roller_distance(profile: TimeExpression, center: ca.SX, angle: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The distance in m of a `center` (2,) from the profile's tangent at an angle, the point (2,), and the tangent."""
-    at, slope = profile_point(profile, angle), profile_point(profile, angle, 1)
+    at, slope = profile_points(profile, 1)(angle)
     tangent = slope / ca.norm_2(slope)
     return ca.dot(ca.vertcat(tangent[1], -tangent[0]), center - at), at, tangent
 
 
 def follower_angle(profile: TimeExpression, normal: ca.SX) -> ca.SX:
     """The angle of the point of a convex profile that is farthest against a `normal` (2,) of a flat follower."""
+    points = profile_points(profile, 2)
 
     def excess(s: ca.SX) -> tuple[ca.SX, ca.SX]:
-        at, slope, second = (profile_point(profile, s, order) for order in range(3))
+        at, slope, second = points(s)
         size = ca.sqrt(ca.dot(at, at))
         return ca.dot(normal, slope), ca.fmax(ca.dot(normal, second), LEAST_CURVATURE * size)
 
@@ -75,10 +77,10 @@ def follower_angle(profile: TimeExpression, normal: ca.SX) -> ca.SX:
 
 def _nearest_start(profile: TimeExpression, size: Callable[[ca.SX], ca.SX]) -> ca.SX:
     """Of some angles, spread evenly, that whose point (2,) of the profile has the least size."""
-    angles = np.linspace(-np.pi, np.pi, STARTS, endpoint=False).tolist()
-    best, least = ca.SX(angles[0]), size(profile_point(profile, ca.SX(angles[0])))
+    points, angles = profile_points(profile), np.linspace(-np.pi, np.pi, STARTS, endpoint=False).tolist()
+    best, least = ca.SX(angles[0]), size(*points(ca.SX(angles[0])))
     for angle in angles[1:]:
-        found = size(profile_point(profile, ca.SX(angle)))
+        found = size(*points(ca.SX(angle)))
         best = ca.if_else(found < least, angle, best)
         least = ca.fmin(found, least)
     return best
@@ -172,8 +174,7 @@ def profile_fault(profile: TimeExpression, roller: float | None) -> tuple[str, s
 
 def _sampled(profile: TimeExpression) -> _Samples | tuple[str, str]:
     s = ca.SX.sym("s")
-    outputs = [profile_point(profile, s, order) for order in range(3)]
-    function = ca.Function("profile", [s], [ca.vertcat(*outputs)])
+    function = ca.Function("profile", [s], [ca.vertcat(*profile_points(profile, 2)(s))])
     angles = np.linspace(-math.pi, math.pi, SAMPLES + 1)
     values = np.array(function(ca.DM(angles).T))
     if not np.isfinite(values).all():

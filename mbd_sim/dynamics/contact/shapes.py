@@ -25,7 +25,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import product
 from mbd_sim.base.rounded import sine_cosine
 from mbd_sim.dynamics.constraints.rows import IteratedNormal, perpendiculars
-from mbd_sim.dynamics.contact.cams import follower_angle, profile_point, roller_angle, roller_distance
+from mbd_sim.dynamics.contact.cams import follower_angle, profile_points, roller_angle, roller_distance
 from mbd_sim.dynamics.contact.rows.normal_searches import unit
 from mbd_sim.dynamics.kinematics.poses import SymbolicPose
 from mbd_sim.dynamics.math.spatial import constant, is_symbolic
@@ -161,7 +161,8 @@ def touch(contact: Contact, first: SymbolicPose, second: SymbolicPose, still: in
         case Cam() as cam, Face() as face:
             normal, axes = _turned(second, face.normal), ca.sparsify(first.rotation @ constant(cam.axes))
             own = (axes.T @ normal)[:2]
-            point = first.position + axes[:, :2] @ profile_point(cam.profile, follower_angle(cam.profile, own))
+            (at,) = profile_points(cam.profile)(follower_angle(cam.profile, own))
+            point = first.position + axes[:, :2] @ at
             axis = axes[:, 2]
             return Touch(ca.dot(normal, point - second.position), normal, point, (ca.cross(axis, normal), axis))
         case one, other:

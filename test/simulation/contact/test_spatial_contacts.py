@@ -7,7 +7,6 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.base.roots import first_zero
-from mbd_sim.simulation.contact.compiled import library
 from mbd_sim.simulation.contact.compiled import step as compiled_step
 from mbd_sim.simulation.contact.records import ContactChange
 from test.generators.contact_mechanisms import contact_mechanism
@@ -96,16 +95,15 @@ def test_an_impact_engages_a_one_way_clutch():
     assert _residual(simulation) < 1e-11
 
 
-@pytest.mark.usefixtures("compiled_anew")
 @pytest.mark.parametrize(("constant", "bound", "error"), [("MOST_EVENTS", 1, 1e-12), ("MOST_STAGES", 6, 1e-5)])
-def test_beyond_the_bound_of_events_the_step_goes_on(monkeypatch, constant, bound, error):
+def test_beyond_the_bound_of_events_the_step_goes_on(request, monkeypatch, constant, bound, error):
     """The rest of that step may end inside an obstacle or with a wrong direction of friction; the next one corrects it."""
     text = contact_mechanism(1, "block", 0.8, 0.3)
     plain = Simulation.from_text(text)
     plain.run(until=1.7)
     assert all(event.change is not ContactChange.BOUND for event in plain.contact_events)
     monkeypatch.setattr(compiled_step, constant, bound)
-    library.library.cache_clear()
+    request.getfixturevalue("compiled_anew")
     simulation = Simulation.from_text(text)
     simulation.run(until=1.7)
     told = [event.text for event in simulation.contact_events if event.change is ContactChange.BOUND]

@@ -303,7 +303,7 @@ def test_ctrl_c_leaves_all_members_at_the_time_of_the_ensemble(name, options):
     members, reached = Ensemble.from_file(name, 40, **options), set()
     handler = signal.signal(signal.SIGALRM, interrupt)
     try:
-        for delay in np.random.default_rng(1).uniform(0.001, 0.1, 8):
+        for delay in np.random.default_rng(1).uniform(0.001, 0.1, 4):
             members.reset()
             signal.setitimer(signal.ITIMER_REAL, delay)
             with pytest.raises(KeyboardInterrupt):

@@ -30,7 +30,7 @@ def test_no_step_of_several_threads_is_lost(kind):
     shared, alone, accepted, found = SIMULATIONS[kind](), SIMULATIONS[kind](), [], []
 
     def work():
-        for _ in range(10):
+        for _ in range(5):
             try:
                 shared.step(LONG[kind])
                 accepted.append(LONG[kind])

@@ -6,7 +6,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.compiler.ir.python_kinds import Array, Integers
-from mbd_sim.simulation.contact.compiled import library, step
+from mbd_sim.simulation.contact.compiled import step
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 from mbd_sim.simulation.contact.stepper import OneSidedStepper
 from test.generators.contact_mechanisms import contact_mechanism
@@ -85,15 +85,14 @@ def history(text, until):
     return simulation.state.tolist(), simulation.contact_events
 
 
-@pytest.mark.usefixtures("compiled_anew")
-def test_simple_events_are_those_of_the_code_for_all_contacts(monkeypatch, decided):
+def test_simple_events_are_those_of_the_code_for_all_contacts(request, monkeypatch, decided):
     """Impacts and modes of random mechanisms, with loops, chains, plays and corners, and what returns at once, both ways."""
     kinds = {"rotors": 2, "two_loops": 3}
     texts = [contact_mechanism(seed, kind) for kind, seed in kinds.items()]
     texts += [JERK.replace("m: 1}", f"m: {mass}}}") for mass in (1e-7, 1e-3)]
     compiled = [history(text, 0.5) for text in texts]
     monkeypatch.setattr(step, "find_modes", leaves_all)
-    library.library.cache_clear()
+    request.getfixturevalue("compiled_anew")
     decided.clear()
     assert [history(text, 0.5) for text in texts] == compiled
     assert len(decided) > len(texts)
