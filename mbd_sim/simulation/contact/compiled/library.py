@@ -16,6 +16,7 @@ from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
 from mbd_sim.simulation.contact.compiled import (
     collocation,
+    foresight,
     lengths,
     members,
     nodes,
@@ -26,6 +27,7 @@ from mbd_sim.simulation.contact.compiled import (
     step,
     time_stepping,
     touching,
+    trial,
 )
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
@@ -72,6 +74,7 @@ MODULES: tuple[ModuleType, ...] = (
     crossings,
     flat_rims,
     forces,
+    foresight,
     impact,
     islands,
     least_forces,
@@ -101,6 +104,7 @@ MODULES: tuple[ModuleType, ...] = (
     step_modes,
     time_stepping,
     touching,
+    trial,
     vectors,
 )
 EXPORTED: tuple[Callable[..., Any], ...] = (

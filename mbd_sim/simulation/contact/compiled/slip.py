@@ -32,18 +32,7 @@ from mbd_sim.simulation.contact.compiled.lengths import (
     turns_little,
 )
 from mbd_sim.simulation.contact.compiled.nodes import first_crossing
-from mbd_sim.simulation.contact.compiled.search import (
-    FORWARD,
-    NONE,
-    TrialPart,
-    begin,
-    finish,
-    first_change,
-    first_event,
-    first_zero,
-    has_failed,
-    try_length,
-)
+from mbd_sim.simulation.contact.compiled.search import first_change, first_event, first_zero
 from mbd_sim.simulation.contact.compiled.sliding import (
     STAGES,
     Sliding,
@@ -54,6 +43,7 @@ from mbd_sim.simulation.contact.compiled.sliding import (
     speed_of,
     with_directions,
 )
+from mbd_sim.simulation.contact.compiled.trial import FORWARD, NONE, TrialPart, begin, finish, has_failed, try_length
 
 STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
 STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
@@ -120,7 +110,7 @@ def stage_within(
         read(c, t, y, inputs, before)
     m = TrialPart(
         y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
-        zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
+        zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), zeros(2 * c.size + 1), s,
     )  # fmt: skip
     if has_jumped(c, inputs, before, left_out):  # by a jump of a force, from which it may recover soon
         found[0], found[1], found[2] = 0.0, 0.0, math.inf
@@ -298,7 +288,7 @@ def keeps_straight(c: Contacts, m: TrialPart) -> bool:
     with_directions(c, s, m.inputs, s.directions)
     fixed = TrialPart(
         m.y, s.given, m.t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), m.state, m.out, m.places_before,
-        zeros(c.places), m.places, m.offset, m.shrinking, integers(1), s,
+        zeros(c.places), m.places, m.offset, m.shrinking, integers(1), m.ends, s,
     )  # fmt: skip
     begin(c, fixed, m.span[0])
     if has_failed(fixed):
