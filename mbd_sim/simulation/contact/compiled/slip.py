@@ -52,6 +52,7 @@ STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its
 NOISE = 1e-15  # of the natural speed, in slip
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
 NEARLY = 0.999  # of a length, from which on a guard that becomes negative needs no shorter one
+MOST_CROSSINGS = 8  # attempts up to where a guard becomes negative, before far shorter ones: it may do so at any length
 AFTER = 1.0 + 1e-6  # of the length up to where a guard becomes negative, that a motion has
 GROWTH = 3.0  # of the length that would have been accurate: after a transient, the next one can be longer
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
@@ -326,7 +327,7 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
 
     The result is 0 where there is none.
     """
-    s, shortest = m.sliding, SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
+    s, shortest, crossings = m.sliding, SHORTEST * max(1.0 / c.unit_rate, abs(m.t)), 0
     while length > shortest:
         error, share = collocated(c, s, m.y, m.inputs, m.t, length, ACCURATE, m.end), SHORTENING
         if math.isfinite(error):
@@ -336,7 +337,8 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
             read(c, m.t + length, m.end, m.inputs, m.after)
             crossing = first_crossing(c, s)
             if 0.0 < crossing < NEARLY:
-                share = AFTER * crossing
+                crossings += 1
+                share = (AFTER if crossings <= MOST_CROSSINGS else SHORTENING) * crossing
             elif turns_little(c, m):
                 read_poses(c, m.t + length, m.end, m.inputs, m.places_after)
                 s.is_collocated[0], m.span[0] = 1, length

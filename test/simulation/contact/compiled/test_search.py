@@ -57,7 +57,7 @@ def test_the_place_of_a_zero_is_not_sought_within_round_off(monkeypatch, round_o
 
         monkeypatch.setattr(search, "value_of", gap)
         motion = SimpleNamespace(sliding=SimpleNamespace(is_collocated=[0]))
-        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0)
+        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0, gaps_and_rates=0)
         ends = gap(contacts, motion, 0.0, 0, 0), gap(contacts, motion, 2e-3, 0, 0)
         found = search.first_zero(contacts, motion, search.BESIDE, 0, 2e-3, *ends, 0.0)
         assert -2e-15 <= gap(contacts, motion, found, 0, 0) <= 0.0
@@ -76,7 +76,7 @@ def test_a_zero_is_not_missed_where_the_last_place_is_almost_on_it(monkeypatch):
 
         monkeypatch.setattr(search, "value_of", gap)
         motion = SimpleNamespace(sliding=SimpleNamespace(is_collocated=[0]))
-        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0)
+        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0, gaps_and_rates=0)
         ends = gap(contacts, motion, 0.0, 0, 0), gap(contacts, motion, 1e-3, 0, 0)
         found = search.first_zero(contacts, motion, search.BESIDE, 0, 1e-3, *ends, 0.0)
         assert -1e-15 <= gap(contacts, motion, found, 0, 0) <= 0.0
