@@ -16,13 +16,11 @@ from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
 from mbd_sim.simulation.contact.compiled import (
     collocation,
-    foresight,
     lengths,
     members,
     nodes,
     pairs,
     search,
-    sliding,
     slip,
     step,
     time_stepping,
@@ -60,6 +58,7 @@ from mbd_sim.simulation.contact.compiled.instant import (
     linear,
     modes,
     shared_forces,
+    sliding,
     step_impulses,
     step_modes,
 )
@@ -74,7 +73,6 @@ MODULES: tuple[ModuleType, ...] = (
     crossings,
     flat_rims,
     forces,
-    foresight,
     impact,
     islands,
     least_forces,

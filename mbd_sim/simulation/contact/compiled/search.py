@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Integers, zeros
-from mbd_sim.simulation.contact.compiled.foresight import FORESEEN, foreseen, may_foresee, near_value, next_share
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, guard_at, rate_at
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
 from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
@@ -19,6 +18,7 @@ from mbd_sim.simulation.contact.compiled.trial import (
     APART,
     BESIDE,
     FEATURES,
+    FORESEEN,
     FORWARD,
     GAP,
     GUARD,
@@ -27,7 +27,11 @@ from mbd_sim.simulation.contact.compiled.trial import (
     WIDENING,
     TrialPart,
     features_at,
+    foreseen,
     has_failed,
+    may_foresee,
+    near_value,
+    next_share,
     places_at,
     readings_at,
     value_of,
@@ -84,7 +88,7 @@ def first_zero(
     for count in range(ITERATIONS):
         width = abs(other - new)
         if foresees and count < FORESEEN:
-            place = foreseen(c, m, what, index, new, f_new + 0.5 * below, other, 0.1 * below)
+            place = foreseen(c, m, what, index, new, f_new + 0.5 * below, other, f_other + 0.5 * below, 0.1 * below)
             share = abs(place - new) / width if place != new else share
         least_share = max(shortest / width, ROUNDING)
         place = new + max(least_share, min(1.0 - least_share, share)) * (other - new)

@@ -21,6 +21,16 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     slides,
     turning_at,
 )
+from mbd_sim.simulation.contact.compiled.instant.sliding import (
+    STAGES,
+    Sliding,
+    change_of_slip,
+    forward,
+    is_pair,
+    slip,
+    speed_of,
+    with_directions,
+)
 from mbd_sim.simulation.contact.compiled.lengths import (
     ACCURATE,
     LONGER,
@@ -33,16 +43,6 @@ from mbd_sim.simulation.contact.compiled.lengths import (
 )
 from mbd_sim.simulation.contact.compiled.nodes import first_crossing
 from mbd_sim.simulation.contact.compiled.search import first_change, first_event, first_zero
-from mbd_sim.simulation.contact.compiled.sliding import (
-    STAGES,
-    Sliding,
-    change_of_slip,
-    forward,
-    is_pair,
-    slip,
-    speed_of,
-    with_directions,
-)
 from mbd_sim.simulation.contact.compiled.trial import FORWARD, NONE, TrialPart, begin, finish, has_failed, try_length
 
 STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster

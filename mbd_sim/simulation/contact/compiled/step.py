@@ -27,10 +27,10 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
 )
 from mbd_sim.simulation.contact.compiled.instant.impact import impact, return_at_once
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, STOPPED, find_modes, is_touching
+from mbd_sim.simulation.contact.compiled.instant.sliding import Sliding
 from mbd_sim.simulation.contact.compiled.lengths import LONGER
 from mbd_sim.simulation.contact.compiled.pairs import hold, is_far, may_meet, pair_at, see, travel
 from mbd_sim.simulation.contact.compiled.search import first_change
-from mbd_sim.simulation.contact.compiled.sliding import Sliding
 from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
 from mbd_sim.simulation.contact.compiled.touching import end_step, renew
 from mbd_sim.simulation.contact.compiled.trial import NONE, TrialPart
