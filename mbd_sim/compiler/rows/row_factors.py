@@ -15,6 +15,8 @@ from typing import TypeAlias
 from mbd_sim.compiler.ir.builder import FALSE, INT, TRUE, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import where_coupled
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir.python_functions import emit_function
+from mbd_sim.compiler.ir.python_kinds import Integers
 from mbd_sim.compiler.ir.vectors import Index, for_span, load, loop, store
 from mbd_sim.compiler.rows.islands import MANY
 from mbd_sim.compiler.rows.pooled_rows import TWIST, PooledRows
@@ -111,6 +113,85 @@ class _SparseRows:
             loop(b, 0, b.load(b.gep(self._counts, k, INT), typ=INT), add)
 
 
+def merge(count: int, places: Integers, known: int, touched: Integers, spare: Integers) -> int:
+    """Add places (count,), which ascend, to those that are touched (known,), which do so too; how many these are then.
+
+    :param spare: memory for as many.
+    """
+    i, total = 0, 0
+    for k in range(known):
+        while i < count and places[i] < touched[k]:
+            spare[total] = places[i]
+            total += 1
+            i += 1
+        if i < count and places[i] == touched[k]:
+            i += 1
+        spare[total] = touched[k]
+        total += 1
+    for rest in range(i, count):
+        spare[total] = places[rest]
+        total += 1
+    for k in range(total):
+        touched[k] = spare[k]
+    return total
+
+
+class _AllPlaces:
+    """The entries of one column of a factor, or of several at once, one after the other."""
+
+    def __init__(self, b: IRBuilder, size: int) -> None:
+        self._b, self._size = b, size
+
+    def begin(self, columns: Sequence[Value]) -> None:
+        """Emit columns of zeros."""
+        for column in columns:
+            loop(self._b, 0, self._size, partial(store, self._b, number(0.0), column))
+
+    def add(self, places: Value, count: Value) -> None:
+        """Say that there are entries at these places (count,)."""
+
+    def each(self, columns: Sequence[Value], act: Callable[[Value], None]) -> None:
+        """Emit what is done at each place of these columns, which then are not used any more."""
+        loop(self._b, 0, self._size, act)
+
+
+class _TouchedPlaces:
+    """The same in the same order, without entries that are zero: of many rows, each acts on few parts."""
+
+    def __init__(self, b: IRBuilder, size: int, columns: Sequence[Value]) -> None:
+        """:param columns: memory, which is zero between uses."""
+        self._b = b
+        self._touched, self._spare = (b.alloca(INT, integer(max(size, 1))) for _ in range(2))
+        self._count = b.alloca(INT)
+        for column in columns:
+            loop(b, 0, size, partial(store, b, number(0.0), column))
+
+    def begin(self, columns: Sequence[Value]) -> None:
+        """See `_AllPlaces`."""
+        self._b.store(integer(0), self._count)
+
+    def add(self, places: Value, count: Value) -> None:
+        """See `_AllPlaces`."""
+        b, called = self._b, emit_function(self._b.module, merge)
+        known = b.load(self._count, typ=INT)
+        b.store(b.call(called, [count, places, known, self._touched, self._spare]), self._count)
+
+    def each(self, columns: Sequence[Value], act: Callable[[Value], None]) -> None:
+        """See `_AllPlaces`."""
+        b = self._b
+
+        def at(index: Value) -> None:
+            place = b.load(b.gep(self._touched, index, INT), typ=INT)
+            act(place)
+            for column in columns:
+                store(b, number(0.0), column, place)
+
+        loop(b, 0, b.load(self._count, typ=INT), at)
+
+
+_Places: TypeAlias = _AllPlaces | _TouchedPlaces
+
+
 class _Tables:
     """The tables of a factor in a module, and the coefficients of its rows of pools."""
 
@@ -148,11 +229,16 @@ def _entry(b: IRBuilder, table: Value, index: Value) -> Value:
 
 
 def _column(
-    b: IRBuilder, tables: _Tables, numbers: Value, coefficients: Value, row: Value, column: Value, part: Value
+    b: IRBuilder,
+    tables: _Tables,
+    numbers: Value,
+    coefficients: Value,
+    row: Value,
+    column: Value,
+    part: Value,
+    among: _Places,
 ) -> None:
-    """Emit a column (size,) of a factor; `part` is memory for that of one block."""
-    factor = tables.factor
-    loop(b, 0, factor.size, lambda i: store(b, number(0.0), column, i))
+    """Emit a column (size,) of a factor, which has begun; `part` is memory for that of one block."""
 
     def add_block(block: Value, weights: Value) -> None:
         count, columns, start, at = (_entry(b, tables.blocks, b.add(block, integer(k))) for k in range(4))
@@ -172,6 +258,7 @@ def _column(
 
         loop(b, 0, columns, add_column)
         loop(b, 0, count, scatter)
+        among.add(b.gep(tables.places, at, INT), count)
 
     def add_term(term: Value) -> None:
         two = b.mul(term, integer(2))
@@ -222,16 +309,19 @@ def emit_product(
     by_row, by_column = (element(b, each, factors[0].starts[-1]) for each in (left, right))
     chosen, count = _chosen(b, n, inputs, active, partial(_is_needed, b, by_left))
     entries = _SparseRows(b, n, size) if n >= MANY else _DenseRows(b, n, size, count)
+    among = _TouchedPlaces(b, size, [own, other]) if n >= MANY else _AllPlaces(b, size)
 
     def gather(i: Value) -> None:
-        _column(b, by_left, left, by_row, chosen(i), own, part)
-        loop(b, 0, size, lambda k: entries.put(k, i, load(b, own, k)))
+        among.begin([own])
+        _column(b, by_left, left, by_row, chosen(i), own, part, among)
+        among.each([own], lambda k: entries.put(k, i, load(b, own, k)))
 
     def multiply(j: Value) -> None:
-        _column(b, by_right, right, by_column, chosen(j), other, part)
+        among.begin([other])
+        _column(b, by_right, right, by_column, chosen(j), other, part, among)
         loop(b, 0, count, lambda i: store(b, number(0.0), total, i))
 
-        loop(b, 0, size, lambda k: entries.add(k, load(b, other, k), total))
+        among.each([other], lambda k: entries.add(k, load(b, other, k), total))
         target = b.mul(chosen(j), integer(n))
         loop(b, 0, count, lambda i: store(b, load(b, total, i), matrix, b.add(chosen(i), target)))
 
@@ -241,7 +331,7 @@ def emit_product(
     if active is not None:
         numbers, directions = (left, right, by_row), active.first + n - active.gaps
         slides = partial(_is_set, b, inputs, directions)
-        loop(b, active.gaps, n, partial(_move, b, by_left, numbers, slides, (own, other, part), mobility))
+        loop(b, active.gaps, n, partial(_move, b, by_left, numbers, slides, (own, other, part), among, mobility))
     b.ret_void()
     return function
 
@@ -252,6 +342,7 @@ def _move(
     numbers: tuple[Value, Value, Value],
     slides: Callable[[Value], Value],
     memory: tuple[Value, Value, Value],
+    among: _Places,
     mobility: Value,
     row: Value,
 ) -> None:
@@ -264,9 +355,10 @@ def _move(
         store(b, b.fma(load(b, own, k), load(b, other, k), load(b, mobility, row)), mobility, row)
 
     with b.if_then(slides(row)):
-        _column(b, tables, left, coefficients, row, own, part)
-        _column(b, tables, right, coefficients, row, other, part)
-        loop(b, 0, tables.factor.size, add)
+        among.begin([own, other])
+        _column(b, tables, left, coefficients, row, own, part, among)
+        _column(b, tables, right, coefficients, row, other, part, among)
+        among.each([own, other], add)
 
 
 def _is_set(b: IRBuilder, inputs: Value, first: int, index: Value) -> Value:

@@ -15,7 +15,7 @@ import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
-from mbd_sim.simulation.contact.complementarity import product, solve
+from mbd_sim.simulation.contact.complementarity import block, product, solve
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, OneSidedTerms
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 
@@ -29,8 +29,8 @@ RIGID = 1e-12  # compliance of rows that are no supports
 class FoundForces:
     """λ (rows,), the accelerations (rows,) with them, and the `loads` of joints in N by the friction element.
 
-    The forces of all rows are `unit` (rows, rows) times those of the rows that are solved for, and constant ones;
-    `coupled` (rows, rows) are the accelerations by unit forces.
+    Of the k rows that may act, the forces are `unit` (k, k) times those of the rows that are solved for, and constant
+    ones; `coupled` (k, k) are the accelerations by unit forces. Accelerations of other rows are those without forces.
     """
 
     forces: Array
@@ -47,18 +47,34 @@ class ForceFinder:
     While it looks for forces, loads may have given `sizes` in N instead: where directions go from side to side.
 
     :param closable: gaps that can be closed.
+    :param acting: the rows that may act, in order: those of all gaps that touch, and of their friction and of joints.
     :param forces: λ (rows,) before, which loads have their directions from.
     """
 
     model: OneSidedModel
     terms: OneSidedTerms
     closable: Sequence[int]
+    acting: Sequence[int]
     forces: Array
     directions: dict[int, Array] = field(init=False)
+    place: dict[int, int] = field(init=False)
+    matrix: Array = field(init=False)  # A (k, k) of the rows that may act
     sizes: dict[int, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.place = {row: position for position, row in enumerate(self.acting)}
+        self.matrix = block(self.terms.matrix, self.acting)
         self.turn(self.forces)
+
+    def places(self, rows: Sequence[int]) -> list[int]:
+        """Where rows are among those that may act."""
+        return [self.place[row] for row in rows]
+
+    def with_change(self, values: Array, change: Array) -> Array:
+        """Numbers of all rows (rows,) with a change of those that may act (k,)."""
+        changed = values.copy()
+        changed[list(self.acting)] += change
+        return changed
 
     def turn(self, forces: Array) -> None:
         """Let loads have the directions that they have under some forces (rows,)."""
@@ -117,21 +133,22 @@ class ForceFinder:
         """The forces with the present directions of loads, or their sizes, and what the loads are with these."""
         model, terms = self.model, self.terms
         unit, constant = self._followers(sliding)
-        coupled, free = product(terms.matrix, unit), terms.free + product(terms.matrix, constant)
+        acting = list(self.acting)
+        coupled, free = product(self.matrix, unit), terms.free[acting] + product(self.matrix, constant)
         along = {index: self.load_along(index, unit, constant) for index in self.directions}
         limited = [index for index in sticking if index in along]
         chosen = [*self.closable, *(row for index in sticking for row in model.frictions[index][0])]
         place = {row: position for position, row in enumerate(chosen)}
-        size, total = len(chosen), len(chosen) + len(limited)
+        size, total, own = len(chosen), len(chosen) + len(limited), self.places(chosen)
         matrix, rates, compliance = np.zeros((total, total)), np.zeros(total), np.full(total, RIGID)
-        matrix[:size, :size], rates[:size] = coupled[chosen][:, chosen], free[chosen]
+        matrix[:size, :size], rates[:size] = block(coupled, own), free[own]
         compliance[:size] = model.compliance[chosen]
         bears = {index: size + number for number, index in enumerate(limited)}  # the rows of loads
         for index, position in bears.items():
             slopes, without = along[index]
             row = model.frictions[index][0][0]
             scale = float(terms.matrix[row, row]) or 1.0
-            matrix[position, :size], matrix[position, position] = -scale * slopes[chosen], scale
+            matrix[position, :size], matrix[position, position] = -scale * slopes[own], scale
             rates[position] = -scale * without
         limits = []
         for index in sticking:
@@ -141,36 +158,37 @@ class ForceFinder:
             limits.append(FrictionLimit(tuple(place[row] for row in rows), normal, coefficient))
         normals = [*(place[gap] for gap in self.closable), *bears.values()]
         solution = contact_forces(ContactProblem(matrix, rates, normals, limits, compliance))[:size]
-        forces, accelerations = constant.copy(), free.copy()
-        for row, value in zip(chosen, solution.tolist(), strict=True):
-            forces += unit[:, row] * value
-            accelerations += coupled[:, row] * value
+        forces, accelerations = np.zeros(len(terms.free)), terms.free.copy()
+        for column, value in zip(own, solution.tolist(), strict=True):
+            constant += unit[:, column] * value
+            free += coupled[:, column] * value
+        forces[acting], accelerations[acting] = constant, free
         supposed = {
-            index: added((slopes[chosen] * solution).tolist()) + without for index, (slopes, without) in along.items()
+            index: added((slopes[own] * solution).tolist()) + without for index, (slopes, without) in along.items()
         }
         loads = {index: terms.load(index, forces) for index in self.directions}
         return FoundForces(forces, accelerations, loads, unit, coupled), supposed
 
     def load_along(self, index: int, unit: Array, constant: Array) -> tuple[Array, float]:
-        """The load along its direction, as slopes (rows,) by the rows that are solved for, and a constant."""
+        """The load along its direction, as slopes (k,) by the rows that are solved for, and a constant."""
         if self.sizes:
             return np.zeros(len(unit)), self.sizes[index]
         unloaded, by_force = self.terms.loads[index]
         direction = self.directions[index]
-        slopes = product(by_force.T, direction)
+        slopes = product(by_force[:, list(self.acting)].T, direction)
         without = added((direction * unloaded).tolist()) + added((slopes * constant).tolist())
         return product(unit.T, slopes), without
 
     def contact_followers(self, sliding: Mapping[int, Array]) -> tuple[Array, Array]:
-        """All forces as `unit` (rows, rows) times those of some rows, and constant ones (rows,), without loads."""
-        unit, constant = np.eye(self.model.layout.rows), np.zeros(self.model.layout.rows)
+        """All forces as `unit` (k, k) times those of some rows, and constant ones (k,), without loads."""
+        unit, constant = np.eye(len(self.acting)), np.zeros(len(self.acting))
         for index, direction in sliding.items():
             rows, gap = self.model.frictions[index]
             for row, part in zip(rows, (self.terms.sizes[index, 0] * direction).tolist(), strict=True):
                 if gap is not None:
-                    unit[row, gap] -= part
+                    unit[self.place[row], self.place[gap]] -= part
                 elif index not in self.directions:
-                    constant[row] -= part
+                    constant[self.place[row]] -= part
         return unit, constant
 
     def _followers(self, sliding: Mapping[int, Array]) -> tuple[Array, Array]:
@@ -179,7 +197,7 @@ class ForceFinder:
         loaded = [index for index in sliding if index in self.directions]
         if not loaded:
             return unit, constant
-        rows = [self.model.frictions[index][0][0] for index in loaded]
+        rows = self.places([self.model.frictions[index][0][0] for index in loaded])
         factors = [float(self.terms.sizes[index, 0] * sliding[index][0]) for index in loaded]
         along = [self.load_along(index, unit, constant) for index in loaded]
         slopes = np.array([factor * slope for factor, (slope, _) in zip(factors, along, strict=True)])

@@ -20,6 +20,7 @@ from mbd_sim.simulation.contact.centering import centered
 from mbd_sim.simulation.contact.compiled.slip import STOPPED
 from mbd_sim.simulation.contact.complementarity import (
     best_conditioned,
+    block,
     independent,
     least,
     least_solution,
@@ -71,18 +72,19 @@ class Candidates:
         self._model, self._readings, self._terms, self._forced = model, readings, terms, forced
         gaps = model.layout.gaps
         resting = readings.rates[:gaps] <= RESTING * model.speeds[:gaps]
-        self._touching = [index for index in range(gaps) if touching[index] and resting[index]]
+        self._touching = np.flatnonzero(touching & resting).tolist()
+        present, acting = frozenset(self._touching), list(self._touching)
         self._closable = [index for index in self._touching if index not in forced.open]
         self._direction: dict[int, Array] = {}
-        self._finder = ForceFinder(model, terms, self._closable, readings.forces)
         self._held: dict[int, Array] = {}  # opposite to friction at its limit, of contacts that others hold
         self._reserves: dict[int, float] = {}  # of friction at rest, once some has reached its limit
         self._narrowing: dict[int, float] = {}  # factors of the limits of friction at rest
         self._sticking: list[int] = []
         self._released: list[int] = []  # without slip, and without any capacity at present
         for index, (rows, gap) in enumerate(model.frictions):
-            if gap is not None and gap not in self._touching:
+            if gap is not None and gap not in present:
                 continue
+            acting += rows
             slip = readings.rates[list(rows)]
             slowest = RESTING if len(rows) == 1 or index in forced.yielding | forced.sliding else STOPPED
             if (speed := euclidean_norm(slip)) > slowest * model.speeds[rows[0]]:
@@ -91,6 +93,7 @@ class Candidates:
                 self._sticking.append(index)
             elif gap is None and index not in self._model.loaded:
                 self._released.append(index)
+        self._finder = ForceFinder(model, terms, self._closable, sorted(acting), readings.forces)
 
     def solved(self, before: Array) -> tuple[Array, Forced | None]:
         """The modes, or what of the forced decisions must be withdrawn.
@@ -149,17 +152,18 @@ class Candidates:
         """
         chosen = [gap for gap in self._closable if forces[gap] > 0.0]
         chosen += [row for index in self._sticking for row in self._model.frictions[index][0]]
-        matrix = self._found.coupled[chosen][:, chosen]
+        places = self._finder.places(chosen)
+        matrix = block(self._found.coupled, places)
         if len(pivots(matrix)) == len(chosen):
             return forces, rates
         own = self._model.compliance[chosen]
         change, scale = least_solution(matrix, -rates[chosen], own), np.sqrt(own)
         if np.max(np.abs(scale * change)) > NEARLY * np.max(np.abs(scale * forces[chosen])):
             return forces, rates
-        balanced = rates + product(self._found.coupled[:, chosen], change)
+        balanced = self._finder.with_change(rates, product(self._found.coupled[:, places], change))
         if np.any(np.abs(balanced[chosen]) > self._unmoved[chosen]):
             return forces, rates
-        return forces + product(self._found.unit[:, chosen], change), balanced
+        return self._finder.with_change(forces, product(self._found.unit[:, places], change)), balanced
 
     def _with_reserve(self, forces: Array) -> Array:
         """Other friction at rest with the same effect, as far from its limits as possible."""
@@ -215,9 +219,10 @@ class Candidates:
         pressed = [gap for gap in self._closable if forces[gap] > 0.0]
         if not pressed:
             return forces
-        free = null_space(self._found.coupled[solved][:, pressed])
+        places = self._finder.places(pressed)
+        free = null_space(self._found.coupled[self._finder.places(solved)][:, places])
         change = least(forces[pressed], free, self._model.compliance[pressed]) - forces[pressed]
-        return forces + product(self._found.unit[:, pressed], change)
+        return self._finder.with_change(forces, product(self._found.unit[:, places], change))
 
     def _are_held(self, limited: Sequence[int], forces: Array) -> bool:
         """Whether other contacts hold those whose friction is at its limit, so that it can stay there."""
@@ -337,15 +342,16 @@ class Candidates:
         modes[[first + row for row in (*basis, *loaded)]] = weights[[*basis, *loaded]]
         modes[[first + row for row in dependent]] = -weights[dependent]
         self._finder.turn(forces)
-        unit, own = self._finder.contact_followers(self._direction)[0], weights[chosen]
+        unit, own, finder = self._finder.contact_followers(self._direction)[0], weights[chosen], self._finder
         for index, direction in self._held.items():
             if (gap := model.frictions[index][1]) is not None:
-                unit[list(model.frictions[index][0]), gap] -= self._static(index) * direction
-        coupled, none = product(matrix, unit), np.zeros(len(unit))
-        for index, row in zip(sliding, loaded, strict=True):
+                rows = list(model.frictions[index][0])
+                unit[finder.places(rows), finder.place[gap]] -= self._static(index) * direction
+        coupled, none = product(finder.matrix, unit), np.zeros(len(unit))
+        for index, row in zip(sliding, finder.places(loaded), strict=True):
             factor = self._terms.sizes[index, 0] * self._direction[index][0]
-            coupled[row] = unit[row] + factor * self._finder.load_along(index, unit, none)[0]
-        coupled = coupled[chosen][:, chosen]
+            coupled[row] = unit[row] + factor * finder.load_along(index, unit, none)[0]
+        coupled = block(coupled, finder.places(chosen))
         stress = forces[chosen] - least_solution(coupled, product(coupled, forces[chosen]), own)
         scale = np.sqrt(own)
         if np.max(np.abs(scale * stress)) > FORCE_ROUND_OFF * np.max(np.abs(scale * forces[chosen])):
@@ -405,9 +411,11 @@ class ModeFinder:
         """Sticking elements that carry more than they can, as where several share a load that is indeterminate."""
         model, overloaded = self._model, set[int]()
         sliding, active = model.sliding(modes), modes[model.layout.active]
+        able = np.flatnonzero(np.any(active[model.friction_rows] != 0.0, axis=1)).tolist()
         scale = model.loads * (1.0 + float(np.max(np.abs(found.forces) / model.loads, initial=0.0)))
-        for index, (rows, gap) in enumerate(model.frictions):
-            if index in sliding or not any(active[list(rows)]):
+        for index in able:
+            rows, gap = model.frictions[index]
+            if index in sliding:
                 continue
             force = found.forces[list(rows)]
             load = (

@@ -18,8 +18,8 @@ from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.layouts.vectors import CoordinateLayout
 from mbd_sim.simulation.contact.compiled import step
 from mbd_sim.simulation.contact.compiled.instant.contacts import DECIDE, Contacts, Stepping
+from mbd_sim.simulation.contact.compiled.instant.sliding import STAGES
 from mbd_sim.simulation.contact.compiled.library import library
-from mbd_sim.simulation.contact.compiled.sliding import STAGES
 from mbd_sim.simulation.contact.one_sided_model import OneSidedModel, address
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent
 

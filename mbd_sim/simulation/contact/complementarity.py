@@ -21,6 +21,12 @@ def solve(matrix: Array, right: Array) -> Array:
     return x
 
 
+def block(matrix: Array, rows: Sequence[int]) -> Array:
+    """Some rows and columns (k, k) of a matrix, in an order."""
+    own = list(rows)
+    return np.asarray(matrix[np.ix_(own, own)])
+
+
 def null_space(matrix: Array) -> Array:
     """Independent solutions (n, k) of A x = 0."""
     m, n = matrix.shape
@@ -76,10 +82,9 @@ def independent(matrix: Array, order: Sequence[int]) -> list[int]:
 
 
 def _chosen(name: str, matrix: Array, rows: Sequence[int]) -> list[int]:
-    found = np.empty(len(rows), dtype=np.int64)
-    count = called(name, len(matrix), matrix, len(rows), np.array(rows, dtype=np.int64), found)
-    chosen: list[int] = found[:count].tolist()
-    return chosen
+    found, size = np.empty(len(rows), dtype=np.int64), len(rows)
+    count = called(name, size, block(matrix, rows), size, np.arange(size), found)
+    return [rows[position] for position in found[:count].tolist()]
 
 
 def lemke(matrix: Array, right: Array) -> Array | None:

@@ -18,7 +18,7 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.candidates import RESTING
 from mbd_sim.simulation.contact.compiled.instant.impact import JAMMED, SMALL
-from mbd_sim.simulation.contact.complementarity import independent, least_solution, product
+from mbd_sim.simulation.contact.complementarity import block, independent, least_solution, product
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings, OneSidedTerms
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 
@@ -66,7 +66,7 @@ def impact(
     frictions = [
         (rows, gap, terms.sizes[index, 0])
         for index, (rows, gap) in enumerate(model.frictions)
-        if gap is not None and gap in gaps and terms.sizes[index, 0] > 0.0
+        if gap is not None and touching[gap] and terms.sizes[index, 0] > 0.0
     ]
     resting = [gap for gap in gaps if abs(rates[gap]) <= slow[gap] or returning[gap]]
     if np.all(rates[gaps] >= -slow[gaps]) and resting:
@@ -76,7 +76,7 @@ def impact(
     chosen = [*gaps, *(row for rows, _, _ in frictions for row in rows)]
     place = {row: position for position, row in enumerate(chosen)}
     limits = [FrictionLimit(tuple(place[row] for row in rows), place[gap], size) for rows, gap, size in frictions]
-    matrix, before = terms.matrix[chosen][:, chosen], readings.rates[chosen]
+    matrix, before = block(terms.matrix, chosen), readings.rates[chosen]
     approach = np.minimum(before[: len(gaps)], 0.0)
     e = np.where(-approach < slow[gaps], 0.0, e[gaps]) * (1.0 if elastic else 0.0)
 
@@ -112,7 +112,8 @@ def return_at_once(
     """
     gaps = len(touching)
     rates = readings.rates[:gaps]
-    accelerations = terms.free[:gaps] + product(terms.matrix[:gaps], readings.forces)
+    pressing = np.flatnonzero(readings.forces).tolist()
+    accelerations = terms.free[:gaps] + product(terms.matrix[:gaps, pressing], readings.forces[pressing])
     is_open = touching & (model.modes(inputs)[model.layout.closed] == 0.0) & ~model.clutches
     slowest, highest = RESTING * model.speeds[:gaps], -2.0 * accelerations * least * model.gap_units
     return np.asarray(is_open & (rates > slowest) & (rates**2 <= highest), dtype=bool)
@@ -194,7 +195,7 @@ def _resting(
 
     :param rest: the slow rates (all rows,).
     """
-    impulses, own, rates = np.zeros(model.layout.rows), matrix[rows][:, rows], readings.rates[rows]
+    impulses, own, rates = np.zeros(model.layout.rows), block(matrix, rows), readings.rates[rows]
     found = least_solution(own, -rates, model.compliance[rows])
     loss = 0.5 * added((found * -rates).tolist())
     fastest = np.maximum(np.abs(readings.rates), rest)

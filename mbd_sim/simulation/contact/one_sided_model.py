@@ -83,7 +83,8 @@ class OneSidedTerms:
 class OneSidedModel:
     """The functions of a model's one-sided rows, evaluated in numbers. It holds no state.
 
-    `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
+    `frictions` are the rows of each friction element and the gap that loads it, or None; `friction_rows` (frictions, 2)
+    are these rows, the first one twice where there is only one. `names` are those of the gaps
     and then of the friction elements. `placed` are the indices of the gaps that have a place. `compliance` (rows,) is
     that of equal elastic supports, see `ContactProblem`. `units` are the natural ones, with those of the rows' rates,
     `speeds` (rows,), of their forces and moments, `loads` (rows,), and of the gaps, `gap_units` (gaps,). `loaded` are
@@ -115,6 +116,7 @@ class OneSidedModel:
         self.frictions: Sequence[tuple[tuple[int, ...], int | None]] = [
             (element.rows, element.gap) for element in one_sided.frictions
         ]
+        self.friction_rows = np.array([(*rows, rows[0])[:2] for rows, _ in self.frictions], dtype=int).reshape(-1, 2)
         self.placed = tuple(index for index, gap in enumerate(one_sided.gaps) if gap.place is not None)
         self.compliance = _compliance(one_sided, size)
         self.units, self.slow = one_sided.units, one_sided.slow
@@ -150,12 +152,9 @@ class OneSidedModel:
 
     def sliding(self, modes: Array) -> list[int]:
         """The friction elements that slide."""
-        found, layout = [], self.layout
-        first = layout.direction.start - layout.gaps
-        for index, (rows, _) in enumerate(self.frictions):
-            size = added(float(modes[first + row]) ** 2 for row in rows)
-            if size > SLIDING:
-                found.append(index)
+        squares = modes[self.layout.direction.start - self.layout.gaps + self.friction_rows] ** 2
+        squares[:, 1] *= self.friction_rows[:, 1] != self.friction_rows[:, 0]
+        found: list[int] = np.flatnonzero(squares[:, 0] + squares[:, 1] > SLIDING).tolist()
         return found
 
     def name_in(self, modes: Array, gap: int) -> str:

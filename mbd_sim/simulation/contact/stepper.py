@@ -285,14 +285,16 @@ class OneSidedStepper:
 
     def _record_changes(self, time: float, old: Array, new: Array) -> None:
         layout, model = self._model.layout, self._model
-        for gap, (was, now) in enumerate(zip(old[layout.closed], new[layout.closed], strict=True)):
-            if was != now:
-                change = ContactChange.CLOSED if now else ContactChange.OPENED
-                self._record(ContactEvent(time, model.name_in(new if now else old, gap), change))
+        changed = old != new
+        for gap in np.flatnonzero(changed[layout.closed]).tolist():
+            now = bool(new[layout.closed][gap])
+            change = ContactChange.CLOSED if now else ContactChange.OPENED
+            self._record(ContactEvent(time, model.name_in(new if now else old, gap), change))
         first = layout.direction.start - layout.gaps
         sliding = [frozenset(model.sliding(modes)) for modes in (old, new)]
+        turned = np.any(changed[first + model.friction_rows], axis=1)
         for index, (rows, load) in enumerate(model.frictions):
-            if load is not None and not new[load]:
+            if load is not None and not (new[load] and (turned[index] or changed[load])):
                 continue
             slid, slides = (index in elements for elements in sliding)
             reverses = slid and slides and added(old[first + row] * new[first + row] for row in rows) < 0.0

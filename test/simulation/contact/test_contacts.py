@@ -15,7 +15,7 @@ from mbd_sim.simulation.contact.compiled import library, search
 from mbd_sim.simulation.contact.compiled.instant import forces
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem
-from mbd_sim.simulation.contact.compiled.search import TrialPart
+from mbd_sim.simulation.contact.compiled.trial import TrialPart
 from mbd_sim.simulation.contact.problem import NoSolutionError
 
 # End time, q, u and event times, from hand-written equations and closed forms at 1e-13.

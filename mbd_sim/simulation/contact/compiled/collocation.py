@@ -22,8 +22,8 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     readings_size,
 )
 from mbd_sim.simulation.contact.compiled.instant.linear import solve
+from mbd_sim.simulation.contact.compiled.instant.sliding import STAGES, Sliding, forward, hypot, slip, with_directions
 from mbd_sim.simulation.contact.compiled.nodes import keep_guards, lagrange
-from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding, forward, hypot, slip, with_directions
 
 ANGLE = 1e-5  # tangent of the angle for derivatives by directions
 MOST_SWEEPS = 40

@@ -7,8 +7,8 @@ import math
 from mbd_sim.compiler.ir.python_kinds import Array
 from mbd_sim.simulation.contact.compiled.collocation import MISSED
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, rate_at, turning_at
-from mbd_sim.simulation.contact.compiled.search import TrialPart
-from mbd_sim.simulation.contact.compiled.sliding import forward, slip, speed_of
+from mbd_sim.simulation.contact.compiled.instant.sliding import forward, slip, speed_of
+from mbd_sim.simulation.contact.compiled.trial import TrialPart
 
 ACCURATE = 1e-9  # of natural units, error of such a motion
 SHORTER = 0.8  # of a length that should be accurate, or after which a slip velocity has changed by `TURNING`

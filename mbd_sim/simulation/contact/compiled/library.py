@@ -21,11 +21,11 @@ from mbd_sim.simulation.contact.compiled import (
     nodes,
     pairs,
     search,
-    sliding,
     slip,
     step,
     time_stepping,
     touching,
+    trial,
 )
 from mbd_sim.simulation.contact.compiled.features import (
     barrels,
@@ -58,6 +58,7 @@ from mbd_sim.simulation.contact.compiled.instant import (
     linear,
     modes,
     shared_forces,
+    sliding,
     step_impulses,
     step_modes,
 )
@@ -101,6 +102,7 @@ MODULES: tuple[ModuleType, ...] = (
     step_modes,
     time_stepping,
     touching,
+    trial,
     vectors,
 )
 EXPORTED: tuple[Callable[..., Any], ...] = (

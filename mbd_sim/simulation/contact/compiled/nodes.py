@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from mbd_sim.compiler.ir.python_kinds import Array, zeros
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, guard_at
-from mbd_sim.simulation.contact.compiled.sliding import STAGES, Sliding
+from mbd_sim.simulation.contact.compiled.instant.sliding import STAGES, Sliding
 
 HALVINGS = 24  # by which the share of a length is found at which a value becomes negative
 BACK = 0.25  # of a share, at which a positive value is sought after a start at zero

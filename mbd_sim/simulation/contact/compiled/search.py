@@ -7,33 +7,35 @@ the state at its start.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from mbd_sim.compiler.ir.python_kinds import Array, Integers, zeros
-from mbd_sim.simulation.contact.compiled.collocation import collocated
-from mbd_sim.simulation.contact.compiled.instant.contacts import (
-    PART_STEP,
-    Contacts,
-    guard_at,
-    rate_at,
-    read,
-    read_poses,
-    readings_size,
-)
+from mbd_sim.compiler.ir.python_kinds import Integers, zeros
+from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, guard_at, rate_at
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
 from mbd_sim.simulation.contact.compiled.pairs import PATH as ALONG
-from mbd_sim.simulation.contact.compiled.pairs import (
-    FeaturePair,
-    any_closed,
-    beyond_gaps,
-    distance_at,
-    may_meet,
-    note,
-    pair_at,
-    path_between,
+from mbd_sim.simulation.contact.compiled.pairs import any_closed, beyond_gaps, may_meet, note, pair_at, path_between
+from mbd_sim.simulation.contact.compiled.touching import AREA, NEAREST, ROOM, WIDE, WIDTH, area_at, narrow
+from mbd_sim.simulation.contact.compiled.trial import (
+    APART,
+    BESIDE,
+    FEATURES,
+    FORESEEN,
+    FORWARD,
+    GAP,
+    GUARD,
+    NONE,
+    RATE,
+    WIDENING,
+    TrialPart,
+    features_at,
+    foreseen,
+    has_failed,
+    may_foresee,
+    near_value,
+    next_share,
+    places_at,
+    readings_at,
+    value_of,
 )
-from mbd_sim.simulation.contact.compiled.sliding import Sliding, forward
-from mbd_sim.simulation.contact.compiled.touching import AREA, NEAREST, ROOM, WIDE, WIDTH, area_at, has_widened, narrow
 
 ITERATIONS = 100
 ROUNDING = 2.0**-50  # of a bracket, next to which no place is tried, or of a length, if the place is rounded to this
@@ -47,139 +49,11 @@ RESOLUTION = 2.0**-52  # of the time, within which instants are not distinguishe
 FALLING = 10.0
 BRIEF = 2.0**-8  # of a step, in which the rate of a distance is measured
 NARROWING = 60  # thirds by which the lowest distance within a step is sought
-ENOUGH = 1e-4  # of the tolerance, up to which a change of features is where it is sought
+ENOUGH = 1e-3  # of the tolerance, up to which a change of features is where it is sought
 NOISE = 5e-3  # of the tolerance, below which round-off in the positions of bodies may prevent that
 FINE = 4  # attempts on both sides of which values are below it
 DEEPER = 0.02  # of the tolerance, by which bodies must be deeper at an impact than at the one before, beyond round-off
-# What is to become zero: a guard, a gap in its unit, the rate at which a gap closes, the distance of two bodies, what
-# says that they meet beside their closed slots, or that the features of these change, the slip of friction along its
-# first direction, or what is negative where an area of contact has widened.
-GUARD, GAP, RATE, APART, BESIDE, FEATURES, FORWARD, WIDENING = 0, 1, 2, 3, 4, 5, 6, 7
-NONE = -1.0  # in place of the length up to an event
 DIVERGED = -2.0
-
-
-@dataclass(frozen=True)
-class TrialPart:
-    """The motion from a state on, for up to a length in s, which is `span[0]`.
-
-    `before` are the readings at its start, `end` and `after` the state and the readings after this length, and `state`
-    and `out` those after the `latest` other length that was tried. The poses of the parts in mechanisms with slots are
-    `places_before`, `places_after` and `places`. `offset[0]` is added to a distance of which a zero is sought. Slots
-    can come near each other if `shrinking[0]` is 1, and their area can shrink to a line if `shrinking[1]` is. `failed`
-    is 1 if a state was not finite. What slides along two directions is `sliding`.
-    """
-
-    y: Array
-    inputs: Array
-    t: float
-    span: Array
-    before: Array
-    end: Array
-    after: Array
-    latest: Array
-    state: Array
-    out: Array
-    places_before: Array
-    places_after: Array
-    places: Array
-    offset: Array
-    shrinking: Integers
-    failed: Integers
-    sliding: Sliding
-
-
-def begin(c: Contacts, m: TrialPart, length: float) -> None:
-    """Find the state after a length, and the readings at both ends."""
-    read(c, m.t, m.y, m.inputs, m.before)
-    read_poses(c, m.t, m.y, m.inputs, m.places_before)
-    m.latest[0] = NONE
-    finish(c, m, length)
-
-
-def finish(c: Contacts, m: TrialPart, length: float) -> None:
-    """Let the motion end after another length."""
-    m.span[0] = length
-    if length != m.latest[0]:
-        try_length(c, m, length, m.end, m.after, m.places_after)
-        return
-    for i in range(c.size):
-        m.end[i] = m.state[i]
-    for i in range(readings_size(c)):
-        m.after[i] = m.out[i]
-    for i in range(c.places):
-        m.places_after[i] = m.places[i]
-
-
-def try_length(c: Contacts, m: TrialPart, length: float, state: Array, out: Array, places: Array) -> None:
-    """The state, the readings and the poses after a length in s."""
-    for i in range(c.size):
-        state[i] = m.y[i]
-    if length != 0.0 and m.sliding.is_collocated[0]:
-        if not math.isfinite(collocated(c, m.sliding, m.y, m.inputs, m.t, length, math.inf, state)):
-            m.failed[0] = 1
-    elif length != 0.0 and PART_STEP(c.part_step, state, m.inputs, m.t, length) < 0:
-        m.failed[0] = 1
-    read(c, m.t + length, state, m.inputs, out)
-    read_poses(c, m.t + length, state, m.inputs, places)
-
-
-def readings_at(c: Contacts, m: TrialPart, length: float) -> Array:
-    """The readings after a length in s."""
-    if length == 0.0:
-        return m.before
-    if length == m.span[0]:
-        return m.after
-    if length != m.latest[0]:
-        m.latest[0] = length
-        try_length(c, m, length, m.state, m.out, m.places)
-    return m.out
-
-
-def places_at(c: Contacts, m: TrialPart, length: float) -> Array:
-    """The poses of all parts after a length in s."""
-    readings_at(c, m, length)
-    if length == 0.0:
-        return m.places_before
-    return m.places_after if length == m.span[0] else m.places
-
-
-def has_failed(m: TrialPart) -> bool:
-    """Whether a state was not finite."""
-    return m.failed[0] != 0
-
-
-def value_of(c: Contacts, m: TrialPart, length: float, what: int, index: int) -> float:
-    """One of the values of which a zero is sought, after a length in s."""
-    readings = readings_at(c, m, length)
-    if what == GUARD:
-        return readings[guard_at(c, index)]
-    if what == GAP:
-        return readings[1 + index] / c.gap_units[index]
-    if what == RATE:
-        return -readings[rate_at(c, index)]
-    if what == FORWARD:
-        return forward(c, m.sliding, readings, index)
-    pair, places = pair_at(c, index), places_at(c, m, length)
-    if what == APART:
-        return distance_at(pair, places)
-    if what == WIDENING:
-        return -1.0 if has_widened(c, pair, m.inputs, places) else 1.0
-    if what == BESIDE:
-        return beyond_gaps(c, pair, m.inputs, m.places_before, places, readings) + m.offset[0]
-    return features_at(c, m, pair, places)
-
-
-def features_at(c: Contacts, m: TrialPart, pair: FeaturePair, places: Array) -> float:
-    """What becomes zero where the features of closed slots change, or the area in which two bodies touch shrinks."""
-    area, least = zeros(AREA), narrow(pair)
-    area_at(c, pair, m.inputs, places, area)
-    found = area[ROOM] + c.accuracy
-    if m.shrinking[0]:
-        found = min(found, area[NEAREST] - least)
-    if m.shrinking[1]:
-        found = min(found, area[WIDTH] - least)
-    return found
 
 
 def first_zero(
@@ -210,8 +84,12 @@ def first_zero(
     above, below = enough_above(c, m, what, tolerance), enough_below(c, m, what, tolerance)
     shortest, share, fine = RESOLUTION * (m.t + length) if c.pairs else 0.0, f_low / (f_low - f_high), 0
     new, f_new, other, f_other, old, f_old = low, f_low, high, f_high, high, f_high  # the zero is between the first two
-    for _ in range(ITERATIONS):
+    foresees = may_foresee(c, what)
+    for count in range(ITERATIONS):
         width = abs(other - new)
+        if foresees and count < FORESEEN:
+            place = foreseen(c, m, what, index, new, f_new + 0.5 * below, other, f_other + 0.5 * below, 0.1 * below)
+            share = abs(place - new) / width if place != new else share
         least_share = max(shortest / width, ROUNDING)
         place = new + max(least_share, min(1.0 - least_share, share)) * (other - new)
         if place == new and least > tolerance:  # it was rounded to this
@@ -236,20 +114,6 @@ def first_zero(
         share = next_share(new, f_new, other, f_other, old, f_old)
     high = new if f_new < 0.0 else other
     return best if least <= tolerance else high
-
-
-def next_share(x: float, f: float, other: float, f_other: float, old: float, f_old: float) -> float:
-    """Where between x and the other end of a bracket a zero is sought next, after an older place.
-
-    Inverse quadratic interpolation where it is monotonic in the bracket, else the middle: T. R. Chandrupatla, A new
-    hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function without using derivatives,
-    Advances in Engineering Software 28 (1997) 145-149.
-    """
-    position, height = (x - other) / (old - other), (f - f_other) / (f_old - f_other)
-    if not (height * height < position and (1.0 - height) * (1.0 - height) < 1.0 - position):
-        return 0.5
-    slope = (old - x) / (other - x)
-    return f / (f_other - f) * f_old / (f_other - f_old) + slope * f / (f_old - f) * f_other / (f_old - f_other)
 
 
 def enough_below(c: Contacts, m: TrialPart, what: int, tolerance: float) -> float:
@@ -396,18 +260,21 @@ def passed(c: Contacts, m: TrialPart, index: int, path: float, end: float, last:
     start, brief = value_of(c, m, 0.0, APART, index), BRIEF * end
     if start + last >= path or start <= c.accuracy:
         return NONE
-    if value_of(c, m, brief, APART, index) >= start or value_of(c, m, end - brief, APART, index) >= last:
+    if rises(c, m, index, 0.0, brief) or not rises(c, m, index, end - brief, end):
         return NONE
-    low, high = 0.0, end
+    low, high, lowest = 0.0, end, 0.0
     for _ in range(NARROWING):
         one, other = low + (high - low) / 3.0, high - (high - low) / 3.0
-        at_one, at_other = value_of(c, m, one, APART, index), value_of(c, m, other, APART, index)
-        if min(at_one, at_other) < 0.0:
-            if at_one < 0.0:
-                return first_zero(c, m, APART, index, one, start, at_one, 0.0)
-            return first_zero(c, m, APART, index, other, start, at_other, 0.0)
-        if at_one < at_other:
+        if rises(c, m, index, one, other):
             high = other
         else:
             low = one
-    return NONE
+    lowest = value_of(c, m, low, APART, index)
+    return first_zero(c, m, APART, index, low, start, lowest, 0.0) if lowest < 0.0 else NONE
+
+
+def rises(c: Contacts, m: TrialPart, index: int, one: float, other: float) -> bool:
+    """Whether bodies are farther apart at a later place of a motion, as far as this is foreseen."""
+    if may_foresee(c, APART):
+        return near_value(c, m, other, APART, index) >= near_value(c, m, one, APART, index)
+    return value_of(c, m, other, APART, index) >= value_of(c, m, one, APART, index)

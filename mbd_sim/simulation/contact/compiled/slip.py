@@ -21,6 +21,16 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     slides,
     turning_at,
 )
+from mbd_sim.simulation.contact.compiled.instant.sliding import (
+    STAGES,
+    Sliding,
+    change_of_slip,
+    forward,
+    is_pair,
+    slip,
+    speed_of,
+    with_directions,
+)
 from mbd_sim.simulation.contact.compiled.lengths import (
     ACCURATE,
     LONGER,
@@ -32,28 +42,8 @@ from mbd_sim.simulation.contact.compiled.lengths import (
     turns_little,
 )
 from mbd_sim.simulation.contact.compiled.nodes import first_crossing
-from mbd_sim.simulation.contact.compiled.search import (
-    FORWARD,
-    NONE,
-    TrialPart,
-    begin,
-    finish,
-    first_change,
-    first_event,
-    first_zero,
-    has_failed,
-    try_length,
-)
-from mbd_sim.simulation.contact.compiled.sliding import (
-    STAGES,
-    Sliding,
-    change_of_slip,
-    forward,
-    is_pair,
-    slip,
-    speed_of,
-    with_directions,
-)
+from mbd_sim.simulation.contact.compiled.search import first_change, first_event, first_zero
+from mbd_sim.simulation.contact.compiled.trial import FORWARD, NONE, TrialPart, begin, finish, has_failed, try_length
 
 STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
 STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
@@ -62,6 +52,7 @@ STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its
 NOISE = 1e-15  # of the natural speed, in slip
 SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
 NEARLY = 0.999  # of a length, from which on a guard that becomes negative needs no shorter one
+MOST_CROSSINGS = 8  # attempts up to where a guard becomes negative, before far shorter ones: it may do so at any length
 AFTER = 1.0 + 1e-6  # of the length up to where a guard becomes negative, that a motion has
 GROWTH = 3.0  # of the length that would have been accurate: after a transient, the next one can be longer
 AS_LONG = 1.2  # the same where turning has limited its length: shorter by `SHORTER` than it could be
@@ -120,7 +111,7 @@ def stage_within(
         read(c, t, y, inputs, before)
     m = TrialPart(
         y, own, t, zeros(1), before, zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n), zeros(c.places),
-        zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
+        zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), zeros(2 * c.size + 1), s,
     )  # fmt: skip
     if has_jumped(c, inputs, before, left_out):  # by a jump of a force, from which it may recover soon
         found[0], found[1], found[2] = 0.0, 0.0, math.inf
@@ -298,7 +289,7 @@ def keeps_straight(c: Contacts, m: TrialPart) -> bool:
     with_directions(c, s, m.inputs, s.directions)
     fixed = TrialPart(
         m.y, s.given, m.t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), m.state, m.out, m.places_before,
-        zeros(c.places), m.places, m.offset, m.shrinking, integers(1), s,
+        zeros(c.places), m.places, m.offset, m.shrinking, integers(1), m.ends, s,
     )  # fmt: skip
     begin(c, fixed, m.span[0])
     if has_failed(fixed):
@@ -336,7 +327,7 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
 
     The result is 0 where there is none.
     """
-    s, shortest = m.sliding, SHORTEST * max(1.0 / c.unit_rate, abs(m.t))
+    s, shortest, crossings = m.sliding, SHORTEST * max(1.0 / c.unit_rate, abs(m.t)), 0
     while length > shortest:
         error, share = collocated(c, s, m.y, m.inputs, m.t, length, ACCURATE, m.end), SHORTENING
         if math.isfinite(error):
@@ -346,7 +337,8 @@ def along_turning(c: Contacts, m: TrialPart, length: float) -> float:
             read(c, m.t + length, m.end, m.inputs, m.after)
             crossing = first_crossing(c, s)
             if 0.0 < crossing < NEARLY:
-                share = AFTER * crossing
+                crossings += 1
+                share = (AFTER if crossings <= MOST_CROSSINGS else SHORTENING) * crossing
             elif turns_little(c, m):
                 read_poses(c, m.t + length, m.end, m.inputs, m.places_after)
                 s.is_collocated[0], m.span[0] = 1, length

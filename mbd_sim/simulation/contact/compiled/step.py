@@ -27,12 +27,13 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
 )
 from mbd_sim.simulation.contact.compiled.instant.impact import impact, return_at_once
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, STOPPED, find_modes, is_touching
+from mbd_sim.simulation.contact.compiled.instant.sliding import Sliding
 from mbd_sim.simulation.contact.compiled.lengths import LONGER
 from mbd_sim.simulation.contact.compiled.pairs import hold, is_far, may_meet, pair_at, see, travel
-from mbd_sim.simulation.contact.compiled.search import NONE, TrialPart, first_change
-from mbd_sim.simulation.contact.compiled.sliding import Sliding
+from mbd_sim.simulation.contact.compiled.search import first_change
 from mbd_sim.simulation.contact.compiled.slip import EVENT, stage
 from mbd_sim.simulation.contact.compiled.touching import end_step, renew
+from mbd_sim.simulation.contact.compiled.trial import NONE, TrialPart
 
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step
@@ -152,8 +153,8 @@ def changes(c: Contacts, before: Array, y: Array, inputs: Array, t: float, h: fl
         zeros(0), zeros(0), zeros(0), zeros(1), zeros(0),
     )  # fmt: skip
     m = TrialPart(
-        before, inputs, t, zeros(1), zeros(n), zeros(c.size), zeros(n), zeros(1), zeros(c.size), zeros(n),
-        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), s,
+        before, inputs, t, zeros(1), zeros(n), y, zeros(n), zeros(1), zeros(c.size), zeros(n),
+        zeros(c.places), zeros(c.places), zeros(c.places), zeros(1), integers(2), integers(1), zeros(2 * c.size + 1), s,
     )  # fmt: skip
     m.span[0], m.latest[0] = h, NONE
     read(c, t, before, inputs, m.before)

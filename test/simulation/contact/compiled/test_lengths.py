@@ -7,8 +7,8 @@ import pytest
 
 from mbd_sim.base.rounded import radau
 from mbd_sim.simulation.contact.compiled.collocation import MISSED
+from mbd_sim.simulation.contact.compiled.instant.sliding import STAGES
 from mbd_sim.simulation.contact.compiled.lengths import ACCURATE, CLOSED, length_of_transient, length_to_close
-from mbd_sim.simulation.contact.compiled.sliding import STAGES
 
 NODES = np.array(radau(STAGES)[0])
 AHEAD = 1e-4  # s

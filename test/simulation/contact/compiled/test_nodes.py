@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mbd_sim.base.rounded import radau
+from mbd_sim.simulation.contact.compiled.instant.sliding import STAGES
 from mbd_sim.simulation.contact.compiled.nodes import first_crossing
-from mbd_sim.simulation.contact.compiled.sliding import STAGES
 
 NODES = np.array([0.0, *radau(STAGES)[0]])
 TOLERANCE = 1e-13

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.simulation.contact.compiled import search
+from mbd_sim.simulation.contact.compiled import search, trial
 
 MEETS, PARTS, STRIKES = 0.0003, 0.0016, 0.001  # s, within a step of 2 ms
 RISE = 1e-3  # m/s
@@ -57,7 +57,7 @@ def test_the_place_of_a_zero_is_not_sought_within_round_off(monkeypatch, round_o
 
         monkeypatch.setattr(search, "value_of", gap)
         motion = SimpleNamespace(sliding=SimpleNamespace(is_collocated=[0]))
-        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0)
+        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0, gaps_and_rates=0)
         ends = gap(contacts, motion, 0.0, 0, 0), gap(contacts, motion, 2e-3, 0, 0)
         found = search.first_zero(contacts, motion, search.BESIDE, 0, 2e-3, *ends, 0.0)
         assert -2e-15 <= gap(contacts, motion, found, 0, 0) <= 0.0
@@ -76,7 +76,34 @@ def test_a_zero_is_not_missed_where_the_last_place_is_almost_on_it(monkeypatch):
 
         monkeypatch.setattr(search, "value_of", gap)
         motion = SimpleNamespace(sliding=SimpleNamespace(is_collocated=[0]))
-        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0)
+        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0, gaps_and_rates=0)
         ends = gap(contacts, motion, 0.0, 0, 0), gap(contacts, motion, 1e-3, 0, 0)
         found = search.first_zero(contacts, motion, search.BESIDE, 0, 1e-3, *ends, 0.0)
         assert -1e-15 <= gap(contacts, motion, found, 0, 0) <= 0.0
+
+
+@pytest.mark.parametrize("miss", [0.0, 1e-9, 1e-7])
+def test_few_motions_are_needed_where_bodies_meet_beside_others(monkeypatch, miss):
+    """Zero up to a kink, and then steep: without a foreseen place, or with one beyond what counts as zero, 14 to 30."""
+    chance = np.random.default_rng(7)
+    for _ in range(100):
+        zero, speed = 10.0 ** chance.uniform(-9, -3.3), 10.0 ** chance.uniform(-3, 0)
+        tried = []
+
+        def gap(length, zero=zero, speed=speed):
+            return min(1e-13, (zero - length) * speed + 1e-13)
+
+        def exact(c, m, length, what, index, gap=gap, tried=tried):
+            tried.append(length)
+            return gap(length)
+
+        def nearly(c, m, length, what, index, gap=gap, speed=speed):
+            return gap(length) + miss * speed * length
+
+        monkeypatch.setattr(search, "value_of", exact)
+        monkeypatch.setattr(trial, "near_value", nearly)
+        motion = SimpleNamespace(sliding=SimpleNamespace(is_collocated=[0]))
+        contacts = SimpleNamespace(accuracy=1e-13, slow=0.0, pairs=0, gaps_and_rates=1)
+        found = search.first_zero(contacts, motion, search.BESIDE, 0, 1e-3, gap(0.0), gap(1e-3), 0.0)
+        assert -1e-16 <= gap(found) <= 0.0 or np.nextafter(found, 0.0) < zero + 1e-13 / speed <= found
+        assert len(tried) <= 6
