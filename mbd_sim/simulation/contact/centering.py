@@ -55,13 +55,13 @@ def _centered_uses(start: Array, stress: Array, own: Sequence[slice]) -> Array:
     for _ in range(WIDTHS):
         uses = _center(uses, stress, own, width)
         largest = _largest(uses, own)
-        if largest < 1.0:
+        if largest < 1.0 - EXHAUSTED:
             return _center(uses, stress, own, 1.0)
         pulls = [2.0 * size / ((width - size) * (width + size)) for size in _sizes(uses, own)]
         # virtual work: no distribution needs less than this common factor
         least = added(p * size for p, size in zip(pulls, _sizes(uses, own), strict=True)) / added(pulls)
-        if least >= 1.0 - EXHAUSTED and width - least < NARROW:
-            break
+        if (least >= 1.0 - EXHAUSTED and width - least < NARROW) or width - largest <= EXHAUSTED:
+            break  # all are at their limits, or one that hardly shares anything
         width = largest + CLOSER * (width - largest)
     return uses
 

@@ -65,6 +65,21 @@ def test_friction_that_reaches_its_limits_has_the_common_factor_of_all_of_them()
     assert np.max(found / limits) < 1.0 - 1e-7 and found.sum() == pytest.approx(4.0 - 1e-6, abs=1e-14)
 
 
+def test_friction_at_its_limit_across_the_direction_that_is_shared_stays_there():
+    """As of one of two points of a body: it was rounded to its limit in a step of the search, which divided by zero."""
+    for seed in range(100):
+        chance = np.random.default_rng(seed)
+        places = chance.uniform(-1.0, 1.0, (2, 2))
+        line = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
+        rows = np.array([row for x, y in places for row in ((1.0, 0.0, -y), (0.0, 1.0, x))])
+        across = np.array([-line[1], line[0]])
+        forces = np.concatenate([0.1 * chance.normal(size=2), across + 10.0 ** chance.uniform(-17.0, -5.0) * line])
+        limits = np.array([1.0, np.hypot(*across) * (1.0 + chance.integers(-1, 3) * 1.2e-16)])
+        found, shared = centered(rows @ rows.T, [(0, 1), (2, 3)], limits.tolist(), forces)
+        assert shared == [0, 1] and rows.T @ found == pytest.approx(rows.T @ forces, abs=1e-14)
+        assert found[2:] == pytest.approx(across, abs=1e-4) and sizes(found, limits)[1] == pytest.approx(1.0, abs=1e-9)
+
+
 def test_friction_that_shares_nothing_stays():
     forces = np.array([0.3, 0.2])
     found, shared = centered(np.eye(2), [(0,), (1,)], [1.0, 1.0], forces)
