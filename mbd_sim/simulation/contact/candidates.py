@@ -151,7 +151,7 @@ class Candidates:
         Rows that cannot all rest, as of two wheels on one axle while it rolls over, have to slide.
         """
         chosen = [gap for gap in self._closable if forces[gap] > 0.0]
-        chosen += [row for index in self._sticking for row in self._model.frictions[index][0]]
+        chosen += [row for index in self._able(forces) for row in self._model.frictions[index][0]]
         places = self._finder.places(chosen)
         matrix = block(self._found.coupled, places)
         if len(pivots(matrix)) == len(chosen):
@@ -167,8 +167,7 @@ class Candidates:
 
     def _with_reserve(self, forces: Array) -> Array:
         """Other friction at rest with the same effect, as far from its limits as possible."""
-        unloaded = [index for index in self._sticking if index not in self._model.loaded]
-        able = [index for index in unloaded if self._limit(index, forces) > 0.0]
+        able = [index for index in self._able(forces) if index not in self._model.loaded]
         limits = [self._limit(index, forces) for index in able]
         rows = [self._model.frictions[index][0] for index in able]
         if sum(map(len, rows)) < 2:  # nothing to share
@@ -207,7 +206,7 @@ class Candidates:
 
     def _entangled(self, forces: Array) -> frozenset[int]:
         """Friction at rest that depends on other rows, at least along one direction."""
-        rows = {index: list(self._model.frictions[index][0]) for index in self._sticking if self._limit(index, forces)}
+        rows = {index: list(self._model.frictions[index][0]) for index in self._able(forces)}
         pressed = [gap for gap in self._closable if forces[gap] > 0.0]
         rank = len(independent(self._terms.matrix, [*pressed, *(row for own in rows.values() for row in own)]))
         others = {k: [*pressed, *(row for index in rows if index != k for row in rows[index])] for k in rows}
@@ -229,7 +228,8 @@ class Candidates:
         if not self._found.loads.keys().isdisjoint(limited):
             return False
         others = [gap for gap in self._closable if forces[gap] > 0.0]
-        others += [row for index in self._sticking if index not in limited for row in self._model.frictions[index][0]]
+        able = [index for index in self._able(forces) if index not in limited]
+        others += [row for index in able for row in self._model.frictions[index][0]]
         rows = [row for index in limited for row in self._model.frictions[index][0]]
         return len(independent(self._terms.matrix, [*others, *rows])) == len(independent(self._terms.matrix, others))
 
@@ -252,6 +252,11 @@ class Candidates:
         """The fraction of its limit that sticking friction bears."""
         limit = self._limit(index, forces)
         return euclidean_norm(forces[list(self._model.frictions[index][0])]) / limit if limit > 0.0 else 0.0
+
+    def _able(self, forces: Array) -> list[int]:
+        """Friction at rest that can bear a force: not that of contacts that bear none."""
+        least = BORNE * float(np.max(np.abs(forces), initial=0.0))
+        return [index for index in self._sticking if self._limit(index, forces) > least]
 
     def _limit(self, index: int, forces: Array) -> float:
         """The limit of an element's friction at rest."""
@@ -319,7 +324,7 @@ class Candidates:
         """
         model, matrix = self._model, self._terms.matrix
         rows = [*closed, *(row for index in sticking for row in model.frictions[index][0])]
-        able = {row for index in sticking if self._limit(index, forces) for row in model.frictions[index][0]}
+        able = {row for index in self._able(forces) if index in sticking for row in model.frictions[index][0]}
         least = BORNE * float(np.max(np.abs(forces), initial=0.0))
         shares = [row for row in rows if abs(forces[row]) > least or row in able]
         basis = best_conditioned(matrix, shares)

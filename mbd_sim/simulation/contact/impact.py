@@ -24,6 +24,7 @@ from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, No
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
 HALVINGS = 50
+SHORT = 1e-8  # of the natural time, step of time stepping
 ELASTIC_REST = 1e-9  # of the natural speed, the approach speed below which even an elastic contact closes
 
 
@@ -130,23 +131,37 @@ def is_jammed(model: OneSidedModel, impulses: Array, rates: Array, rows: Sequenc
 
 
 def tangential_impact(model: OneSidedModel, time: float, y: Array, inputs: Array, touching: Mask) -> Impact | None:
-    """The impulses that stop the slip of touching contacts which do not approach; None if there are none.
+    """The impulses where touching contacts that do not approach have no forces; None if there are none.
 
-    A body may slide with so much friction that no finite force keeps it from penetrating. Its tip then sticks at once
-    (Génot & Brogliato 1999): friction presses it onto the surface until the slip has ended. These are the impulses
-    that bring all rates to zero, if they are within the limits of friction.
+    A body may slide with so much friction that no finite force keeps it from penetrating. Friction then presses it onto
+    the surface until its slip has ended or reversed, at once (Génot & Brogliato 1999). The impulses are those of time
+    stepping as its step tends to zero, which always converge to a motion (Stewart 1998): impulses of a regular state
+    vanish with the step, these do not.
     """
     terms, readings = model.terms(time, y, inputs), model.readings(time, y, inputs)
-    gaps = [int(gap) for gap in np.flatnonzero(touching)]
+    resting = touching & (readings.rates[: len(touching)] <= RESTING * model.speeds[: len(touching)])
+    gaps = [int(gap) for gap in np.flatnonzero(resting)]
     frictions = [(rows, gap, terms.sizes[index, 0]) for index, (rows, gap) in enumerate(model.frictions) if gap in gaps]
-    rows = [*gaps, *(row for own, _, _ in frictions for row in own)]
-    impulses = np.zeros(model.layout.rows)
-    impulses[rows] = least_solution(terms.matrix[rows][:, rows], -readings.rates[rows], model.compliance[rows])
-    loads = {gap: impulses[gap] for _, gap, _ in frictions}
-    within = all(added((impulses[list(own)] ** 2).tolist()) <= (size * loads[gap]) ** 2 for own, gap, size in frictions)
-    if min(impulses[gaps].tolist(), default=0.0) < 0.0 or not within or not impulses.any():
+    chosen = [*gaps, *(row for rows, _, _ in frictions for row in rows)]
+    place = {row: position for position, row in enumerate(chosen)}
+    limits = [FrictionLimit(tuple(place[row] for row in rows), place[gap], size) for rows, gap, size in frictions]
+    matrix, before = block(terms.matrix, chosen), readings.rates[chosen]
+
+    def within(step: float) -> Array:
+        free = before + step * terms.free[chosen]
+        return contact_forces(ContactProblem(matrix, free, range(len(gaps)), limits, model.compliance[chosen]))
+
+    step = SHORT / model.units.rate
+    try:
+        given = 2.0 * within(0.5 * step) - within(step)  # they are linear in the step
+    except NoSolutionError:
         return None
-    loss = -0.5 * added((impulses * readings.rates).tolist())
+    change = product(matrix, given)
+    if np.all(np.abs(change) <= RESTING * model.speeds[chosen]):
+        return None
+    impulses = np.zeros(model.layout.rows)
+    impulses[chosen] = given
+    loss = -0.5 * added((given * (2.0 * before + change)).tolist())
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)
 
 

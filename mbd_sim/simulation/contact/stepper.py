@@ -22,6 +22,7 @@ from mbd_sim.simulation.contact.impact import Impact, impact, is_jammed, return_
 from mbd_sim.simulation.contact.one_sided_model import Mask, OneSidedModel, OneSidedReadings
 from mbd_sim.simulation.contact.problem import ContactProblem, NoSolutionError, contact_forces
 from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, ContactObserver, without_round_off
+from mbd_sim.simulation.contact.slow_slip import end_slips, slips_to_end
 
 EVENTS_KEPT = 10_000
 NO_FORCES = (
@@ -184,16 +185,21 @@ class OneSidedStepper:
 
     def _find(self, time: float, y: Array, inputs: Array, forced: Forced, touching: Mask) -> None:
         """Find the modes after any impacts."""
-        model = self._model
+        modes = self._model.modes(inputs)
+        modes[:] = self._found(time, y, inputs, forced, touching)
+        if (slow := slips_to_end(self._model, self._model.readings(time, y, inputs), modes)) is not None:
+            self._change_speeds(time, y, inputs, end_slips(self._model, time, y, inputs, slow))
+            modes[:] = self._found(time, y, inputs, forced, touching)
+
+    def _found(self, time: float, y: Array, inputs: Array, forced: Forced, touching: Mask) -> Array:
         try:
-            modes = self._finder.find(time, y, inputs, forced)
+            return self._finder.find(time, y, inputs, forced)
         except NoSolutionError:
             self._stop_slip(time, y, inputs, touching)
             try:
-                modes = self._finder.find(time, y, inputs)
+                return self._finder.find(time, y, inputs)
             except NoSolutionError as error:
                 raise self._unsolved(time, y, inputs, touching, NO_FORCES) from error
-        model.modes(inputs)[:] = modes
 
     def _unsolved(self, time: float, y: Array, inputs: Array, touching: Mask, law: str) -> EventError:
         """The error of contacts without a solution: they jam by drives or the time alone, or by too much friction."""
@@ -252,6 +258,14 @@ class OneSidedStepper:
 
     def _apply(self, time: float, y: Array, inputs: Array, found: Impact) -> None:
         """Change the speeds and the audit by an impact, and record it."""
+        self._change_speeds(time, y, inputs, found)
+        modes = self._model.modes(inputs)
+        for gap in np.flatnonzero(found.impulses[: self._model.layout.gaps]).tolist():
+            name, impulse = self._model.name_in(modes, gap), float(found.impulses[gap])
+            self._record(ContactEvent(time, name, ContactChange.IMPACT, impulse, found.loss, found.factor))
+
+    def _change_speeds(self, time: float, y: Array, inputs: Array, found: Impact) -> None:
+        """Change the speeds and the audit by impulses."""
         before = self._energy(time, y, inputs) if self._driven or self.observer is not None else 0.0
         y[self._speeds] += found.u_change
         y[self._losses.start] += found.loss
@@ -260,10 +274,6 @@ class OneSidedStepper:
             y[-2] += self._energy(time, y, inputs) - before + found.loss
         if self.observer is not None:
             self.observer.impact(time, before, self._energy(time, y, inputs))
-        modes = self._model.modes(inputs)
-        for gap in np.flatnonzero(found.impulses[: self._model.layout.gaps]).tolist():
-            name, impulse = self._model.name_in(modes, gap), float(found.impulses[gap])
-            self._record(ContactEvent(time, name, ContactChange.IMPACT, impulse, found.loss, found.factor))
 
     def _note_compiled(self) -> None:
         """Record the latest events of compiled code."""

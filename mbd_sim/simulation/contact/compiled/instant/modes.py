@@ -39,6 +39,7 @@ from mbd_sim.simulation.contact.compiled.instant.linear import best_conditioned,
 
 RESTING = 1e-10  # of the natural speed, up to which a speed counts as zero
 STOPPED = 1e-8  # of the natural speed, up to which slip along two directions counts as zero: it turns ever faster
+ALONG = 1e-6  # of such a slip, its part across the direction of sliding up to which it is along that
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
 AT_LIMIT = 1.0 - 1e-9  # use of its limit, from which on friction at rest has reached it
 OVERLOAD = 1e-9  # of the largest force, that friction may exceed its limit by
@@ -88,7 +89,7 @@ def find_modes(
             return False
         read(c, t, y, inputs, readings)
         if not overload(c, s, readings, inputs):
-            return True
+            return not turns_at_once(c, readings, inputs)
     return False
 
 
@@ -239,6 +240,19 @@ def write_modes(c: Contacts, s: Search, inputs: Array) -> bool:
         if c.load_components[load] > 0:
             set_sign(c, s.joint_loads, load, s.forces, inputs)
     return True
+
+
+def turns_at_once(c: Contacts, readings: Array, inputs: Array) -> bool:
+    """Whether friction slides in another direction than that of its slip, which counts as zero but has to end first."""
+    for k in range(c.frictions):
+        first, second = c.friction_rows[2 * k], c.friction_rows[2 * k + 1]
+        if second < 0 or not slides(c, inputs, k):
+            continue
+        speed, one = length_along(c, k, readings[rate_at(c, 0) :]), inputs[direction_at(c, first)]
+        across = one * readings[rate_at(c, second)] - inputs[direction_at(c, second)] * readings[rate_at(c, first)]
+        if speed > c.slow and speed <= STOPPED * c.row_speeds[first] and abs(across) > ALONG * speed:
+            return True
+    return False
 
 
 def set_sign(c: Contacts, joint_loads: Array, load: int, forces: Array, inputs: Array) -> None:
