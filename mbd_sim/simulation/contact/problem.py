@@ -31,6 +31,7 @@ from mbd_sim.simulation.contact.complementarity import pivots
 
 STIFFER, LEAST_RATIO = 10.0, 1.01  # ratios of the softnesses of supports that become rigid, from one to the next
 RIGID = 1e-13  # softness that is not distinguished from that of rigid ones
+SWEEPS = 400  # where no forces satisfy all conditions
 FOLLOWED = 1e-12  # residual up to which forces of such supports are accepted
 
 
@@ -104,7 +105,7 @@ def contact_forces(problem: ContactProblem, *, settled: bool = True) -> Array:
     unique = np.zeros(len(problem.free))
     if settled and called("settled_forces", problem.packed, problem.supports, unique):
         return unique
-    if not settled and called("unique_forces", problem.packed, unique):
+    if not settled and called("nearest_forces", problem.packed, problem.supports, unique):
         return unique
     for rows in (islands := _islands(problem)):
         unique[rows] = _forces_together(problem if len(islands) == 1 else _island(problem, rows), settled=settled)
@@ -135,9 +136,11 @@ def _island(problem: ContactProblem, rows: Sequence[int]) -> ContactProblem:
 def _forces_together(problem: ContactProblem, *, settled: bool) -> Array:
     """See `contact_forces`; of an island."""
     n = len(problem.free)
-    unique = np.zeros(n)
-    if called("unique_forces", problem.packed, unique):
-        return unique
+    found = np.zeros(n)
+    if not settled and called("nearest_forces", problem.packed, problem.supports, found):
+        return found
+    if settled and called("unique_forces", problem.packed, found):
+        return found
     scaled, scale = _scaled(problem)
     rigid, start = _quick(scaled)
     if max(len(problem.normals), len(problem.frictions)) < 2 or len(pivots(scaled.matrix)) == n:
@@ -166,7 +169,7 @@ def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:
     except NoSolutionError:
         scaled, scale = _scaled(problem)
         swept = np.zeros(len(problem.free))
-        called("sweep", scaled.packed, swept)
+        called("sweep", scaled.packed, SWEEPS, swept)
         polished, residual = _newton(scaled, swept)
         return polished * scale, residual
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_together
 from mbd_sim.simulation.contact.compiled.instant.linear import block_rows, number_blocks, take_block, unite
-from mbd_sim.simulation.contact.compiled.instant.shared_forces import nearest_together, settled_together
+from mbd_sim.simulation.contact.compiled.instant.shared_forces import settled_together
+from mbd_sim.simulation.contact.compiled.instant.step_forces import step_forces
 
 ROWS, NORMALS, FRICTIONS = 0, 1, 2  # of the sizes of an island
 SIZES = 3
@@ -89,19 +90,19 @@ def unique_on(p: ForceProblem, islands: Integers, island: int, forces: Array) ->
 
 
 def nearest_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
-    """λ (n,) that satisfies all conditions, of several that of elastic supports; False where it is not found quickly.
+    """The `step_forces` (n,) of all islands; False where some are not found.
 
     :param compliance: (n,) of the supports.
     """
     islands = integers(p.n)
     count = find_islands(p, islands)
     if count < 2:
-        return nearest_together(p, compliance, forces)
+        return step_forces(p, compliance, forces)
     return not any(not nearest_on(p, compliance, islands, island, False, forces) for island in range(count))
 
 
 def settled_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
-    """As `nearest_forces`, to round-off: those of least Σ C λ²."""
+    """λ (n,) that satisfies all conditions, of several those of least Σ C λ²; False where it is not found quickly."""
     islands = integers(p.n)
     count = find_islands(p, islands)
     if unique_forces(p, forces):
@@ -125,7 +126,7 @@ def nearest_on(
     take_island(p, islands, island, own, rows)
     for i in range(n):
         supports[i] = compliance[rows[i]]
-    if not (settled_together(own, supports, found) if settled else nearest_together(own, supports, found)):
+    if not (settled_together(own, supports, found) if settled else step_forces(own, supports, found)):
         return False
     for i in range(n):
         forces[rows[i]] = found[i]
