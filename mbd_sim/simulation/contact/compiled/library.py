@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mbd_sim.base.operating_system import keep_freed_memory
 from mbd_sim.compiler.code.host_module import compile_once, new_module
 from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
@@ -157,13 +158,13 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     smooth.smooth_touching,
 )
 
-KEPT = 3_000_000  # numbers of all arrays of one call; glibc keeps up to 32 MB
+KEPT = 1 << 28  # bytes of all arrays of one call
 
 
 @functools.cache
 def library() -> SimpleNamespace:
     """The compiled functions, which release the interpreter's lock, and their `addresses` by name."""
-    np.empty(KEPT)  # freed at once: glibc then keeps as much memory as that for the arrays of each call
+    keep_freed_memory(KEPT)
     code = compile_once([*_contents()], _emitted)
     addresses = {one.__name__: code.address(name_of(one)) for one in EXPORTED}
     names = {one.__name__: prototype(*signature_of(one))(addresses[one.__name__]) for one in EXPORTED}
