@@ -280,7 +280,7 @@ def _addresses(model: OneSidedModel, kernel: Kernel, *, time_stepping: bool) -> 
     }
 
 
-NO_STEPPING = Stepping(0, 0, 0, 0, np.zeros(0, dtype=np.int64), np.zeros(0))  # of steps from event to event
+NO_STEPPING = Stepping(0, 0, 0, 0, 0, np.zeros(0, dtype=np.int64), np.zeros(0))  # of steps from event to event
 
 
 def _stepping(model: OneSidedModel, kernel: Kernel, layout: CoordinateLayout) -> Stepping:
@@ -288,6 +288,7 @@ def _stepping(model: OneSidedModel, kernel: Kernel, layout: CoordinateLayout) ->
     places = [(layout.q[joint], layout.u[joint]) for joint in layout.u]
     return Stepping(
         kernel.code.address("project"),
+        kernel.reader_address("marked_terms"),
         kernel.reader_address("displaced"),
         kernel.reader_address("powers"),
         len(places),
