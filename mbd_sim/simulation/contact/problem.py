@@ -159,7 +159,7 @@ def _shared(problem: ContactProblem, forces: Array) -> Array:
 
 
 def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:
-    """λ (n,) of a step of time stepping that satisfies all conditions, and 0: see `compiled.instant.step_forces`.
+    """λ (n,) of a step of time stepping that satisfies all conditions, and 0: see `compiled.together.step_forces`.
 
     Where none is found, the nearest ones, and their relative residual.
     """

@@ -52,7 +52,6 @@ from mbd_sim.simulation.contact.compiled.features.round import (
 from mbd_sim.simulation.contact.compiled.instant import (
     candidate_forces,
     contacts,
-    elimination,
     forces,
     impact,
     islands,
@@ -61,6 +60,9 @@ from mbd_sim.simulation.contact.compiled.instant import (
     modes,
     shared_forces,
     sliding,
+)
+from mbd_sim.simulation.contact.compiled.together import (
+    elimination,
     step_forces,
     step_impulses,
     step_modes,
@@ -119,7 +121,7 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     islands.find_islands,
     islands.unique_forces,
     islands.settled_forces,
-    islands.nearest_forces,
+    step_forces.nearest_forces,
     forces.residual_of,
     forces.newton,
     forces.by_lemke,

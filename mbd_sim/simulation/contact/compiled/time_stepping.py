@@ -21,8 +21,6 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     read_poses,
 )
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
-from mbd_sim.simulation.contact.compiled.instant.step_impulses import StepContacts, find_impulses, mark_rows
-from mbd_sim.simulation.contact.compiled.instant.step_modes import add_sliding, write_resting
 from mbd_sim.simulation.contact.compiled.pairs import (
     DISTANCE,
     POSE,
@@ -47,6 +45,8 @@ from mbd_sim.simulation.contact.compiled.step import (
     record_changes,
     total_energy,
 )
+from mbd_sim.simulation.contact.compiled.together.step_impulses import StepContacts, find_impulses, mark_rows
+from mbd_sim.simulation.contact.compiled.together.step_modes import add_sliding, write_resting
 from mbd_sim.simulation.contact.compiled.touching import end_step, key_of, slot_key
 
 NEAR = 0.01  # of the way at the natural speed in a step, within which features that touch together are found

@@ -7,8 +7,8 @@ import pytest
 
 from mbd_sim.compiler.ir.python_kinds import integers
 from mbd_sim.simulation.contact import problem
-from mbd_sim.simulation.contact.compiled.instant import elimination
 from mbd_sim.simulation.contact.compiled.library import called
+from mbd_sim.simulation.contact.compiled.together import elimination
 from mbd_sim.simulation.contact.problem import ContactProblem, FrictionLimit, contact_forces, nearest_forces
 from test.simulation.contact.test_problem import violations
 

@@ -10,12 +10,6 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.instant.elimination import (
-    Elimination,
-    eliminate,
-    find_order,
-    number_contacts,
-)
 from mbd_sim.simulation.contact.compiled.instant.forces import (
     ACCURATE,
     SLIPS,
@@ -30,8 +24,23 @@ from mbd_sim.simulation.contact.compiled.instant.forces import (
     scaled_problem,
     sweep,
 )
+from mbd_sim.simulation.contact.compiled.instant.islands import (
+    FRICTIONS,
+    NORMALS,
+    ROWS,
+    SIZES,
+    find_islands,
+    measure_island,
+    take_island,
+)
 from mbd_sim.simulation.contact.compiled.instant.linear import SINGULAR
 from mbd_sim.simulation.contact.compiled.instant.shared_forces import copy, scaled_compliance
+from mbd_sim.simulation.contact.compiled.together.elimination import (
+    Elimination,
+    eliminate,
+    find_order,
+    number_contacts,
+)
 
 FEW_SWEEPS, NEWTON_STEPS = 10, 25
 STIFFER, LEAST_RATIO = 100.0, 1.02  # ratios of the softnesses of supports that become rigid, from one to the next
@@ -40,6 +49,39 @@ FOLLOWED, SETTLED = 1e-3, 1e-12  # residuals up to which softer supports are fol
 POLISHED, POLISHING_STEPS = 1e-15, 6
 FASTER = 10.0  # times the rates that are tried first, those that are tried next
 HALVINGS, DECREASE = 8, 1e-4  # of a step of Newton's method, and by how much the squares of residuals decrease at least
+
+
+def nearest_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
+    """The `step_forces` (n,) of all islands; False where some are not found.
+
+    :param compliance: (n,) of the supports.
+    """
+    islands = integers(p.n)
+    count = find_islands(p, islands)
+    if count < 2:
+        return step_forces(p, compliance, forces)
+    return not any(not forces_on(p, compliance, islands, island, forces) for island in range(count))
+
+
+def forces_on(p: ForceProblem, compliance: Array, islands: Integers, island: int, forces: Array) -> bool:
+    """The `step_forces` of an island, among those of all."""
+    sizes = integers(SIZES)
+    measure_island(p, islands, island, sizes)
+    n, normals, frictions = sizes[ROWS], sizes[NORMALS], sizes[FRICTIONS]
+    rows, found, matrix, free, limits = integers(n), zeros(n), zeros(n * n), zeros(n), zeros(frictions)
+    normal_rows, friction_rows, loads = integers(normals), integers(2 * frictions), integers(frictions)
+    own, supports = (
+        ForceProblem(n, matrix, free, normals, normal_rows, frictions, friction_rows, loads, limits),
+        zeros(n),
+    )
+    take_island(p, islands, island, own, rows)
+    for i in range(n):
+        supports[i] = compliance[rows[i]]
+    if not step_forces(own, supports, found):
+        return False
+    for i in range(n):
+        forces[rows[i]] = found[i]
+    return True
 
 
 def step_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:

@@ -12,8 +12,8 @@ from mbd_sim.simulation.contact.compiled.instant.candidate_forces import length_
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem
 from mbd_sim.simulation.contact.compiled.instant.impact import GAIN, slow_of
-from mbd_sim.simulation.contact.compiled.instant.islands import nearest_forces
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
+from mbd_sim.simulation.contact.compiled.together.step_forces import nearest_forces
 
 LOAD_ITERATIONS, SETTLED = 200, 1e-12  # until the loads of joints do not change any more, relative to the largest
 

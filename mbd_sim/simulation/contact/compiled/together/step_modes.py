@@ -9,7 +9,7 @@ from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, active_at, direction_at
 from mbd_sim.simulation.contact.compiled.instant.linear import best_conditioned, least_solution
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, set_sign
-from mbd_sim.simulation.contact.compiled.instant.step_impulses import StepContacts, size_of, slip_of
+from mbd_sim.simulation.contact.compiled.together.step_impulses import StepContacts, size_of, slip_of
 
 
 def write_resting(c: Contacts, s: StepContacts, inputs: Array) -> None:
