@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.base.operating_system import keep_freed_memory
 from mbd_sim.compiler.code.host_module import compile_once, new_module
 from mbd_sim.compiler.ir.python_functions import emit_function
 from mbd_sim.compiler.ir.python_kinds import name_of, prototype, signature_of
@@ -160,13 +159,10 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     smooth.smooth_touching,
 )
 
-KEPT = 1 << 28  # bytes of all arrays of one call
-
 
 @functools.cache
 def library() -> SimpleNamespace:
     """The compiled functions, which release the interpreter's lock, and their `addresses` by name."""
-    keep_freed_memory(KEPT)
     code = compile_once([*_contents()], _emitted)
     addresses = {one.__name__: code.address(name_of(one)) for one in EXPORTED}
     names = {one.__name__: prototype(*signature_of(one))(addresses[one.__name__]) for one in EXPORTED}
