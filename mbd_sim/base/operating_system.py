@@ -7,6 +7,7 @@ calls that only some systems have.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import os
 import shutil
@@ -33,6 +34,18 @@ def lower_priority(niceness: int) -> None:
     if hasattr(os, "nice"):
         with contextlib.suppress(OSError):
             os.nice(niceness)
+
+
+LARGEST_KEPT = 1 << 25  # bytes; the most that glibc takes from its own memory
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # see mallopt(3)
+
+
+def keep_freed_memory(size: int) -> None:
+    """Let this process keep so many bytes that are freed, where it can be told: pages that it gets anew cost time."""
+    with contextlib.suppress(AttributeError, OSError, TypeError):
+        tell = ctypes.CDLL(None).mallopt
+        tell(TRIM_THRESHOLD, size)
+        tell(MMAP_THRESHOLD, LARGEST_KEPT)
 
 
 def read_at(descriptor: int, size: int, offset: int) -> bytes:

@@ -282,9 +282,13 @@ def _column(
 
 
 def emit_product(
-    module: Module, name: str, factors: Factors, active: ActiveRows | None, pooled: PooledRows | None = None
-) -> Function:
+    module: Module, name: str, factors: Factors, active: ActiveRows | None, pooled: PooledRows | None = None,
+    of_marked: bool = False,
+) -> Function:  # fmt: skip
     """Emit `void name(inputs, left, right, matrix, mobility)`, if it is not there yet.
+
+    Where it is that `of_marked` rows, `mobility` are marks (rows,) that are not zero for these, and the matrix has
+    those rows only. Otherwise:
 
     With `pooled` rows their left and right coefficients follow, and the blocks of their slots.
 
@@ -307,7 +311,9 @@ def emit_product(
     own, other, part = (local_array(b, max(count, 1)) for count in (size, size, max(by_left.most, by_right.most)))
     total = local_array(b, n)
     by_row, by_column = (element(b, each, factors[0].starts[-1]) for each in (left, right))
-    chosen, count = _chosen(b, n, inputs, active, partial(_is_needed, b, by_left))
+    is_needed = partial(_is_set, b, mobility, 0) if of_marked else partial(_is_needed, b, by_left)
+    chosen, count = _chosen(b, n, inputs, active, is_needed)
+    place = (lambda i: i) if of_marked else chosen
     entries = _SparseRows(b, n, size) if n >= MANY else _DenseRows(b, n, size, count)
     among = _TouchedPlaces(b, size, [own, other]) if n >= MANY else _AllPlaces(b, size)
 
@@ -320,10 +326,9 @@ def emit_product(
         among.begin([other])
         _column(b, by_right, right, by_column, chosen(j), other, part, among)
         loop(b, 0, count, lambda i: store(b, number(0.0), total, i))
-
         among.each([other], lambda k: entries.add(k, load(b, other, k), total))
-        target = b.mul(chosen(j), integer(n))
-        loop(b, 0, count, lambda i: store(b, load(b, total, i), matrix, b.add(chosen(i), target)))
+        target = b.mul(j, count) if of_marked else b.mul(chosen(j), integer(n))
+        loop(b, 0, count, lambda i: store(b, load(b, total, i), matrix, b.add(place(i), target)))
 
     loop(b, 0, count, gather)
     loop(b, 0, count, multiply)

@@ -14,6 +14,8 @@ import casadi as ca
 from mbd_sim.compiler.ir.builder import FALSE, INT, IRBuilder, element, integer, local_array, number
 from mbd_sim.compiler.ir.dense_solver import emit_dense_solver
 from mbd_sim.compiler.ir.module import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir.python_functions import emit_function
+from mbd_sim.compiler.ir.python_kinds import Array
 from mbd_sim.compiler.ir.vectors import load, loop, store
 from mbd_sim.compiler.lists.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.lists.like_operations import Branch
@@ -195,10 +197,14 @@ def emit_event_readers(module: Module, one_sided: OneSidedSystem, attributes: Se
     """Emit what events read, and say how many arguments each takes before the output.
 
     `void read_contact_terms(t, y, inputs, out)` gives the whole matrix without friction, column by column, and the
-    further numbers of the `terms`.
+    further numbers of the `terms`. For time stepping, `void read_marked_terms(t, y, inputs, marks, out)` gives these
+    numbers, and then the matrix of those rows only whose marks (rows,) are not zero.
     """
     counts, slots = {"contact_terms": 3}, emit_slot_values(module, one_sided.slots)
     _emit_terms(module, one_sided, slots, attributes)
+    if one_sided.time_stepping:
+        counts["marked_terms"] = 4
+        _emit_terms(module, one_sided, slots, attributes, of_marked=True)
     for name, function in one_sided.event_readers.items():
         lowered = lower_repeated(module, function, inline=True, as_interpreted=True)
         takes_slots = function.n_in() > 1  # and a state
@@ -226,26 +232,46 @@ def emit_event_readers(module: Module, one_sided: OneSidedSystem, attributes: Se
     return counts
 
 
-def _emit_terms(module: Module, one_sided: OneSidedSystem, slots: Function, attributes: Sequence[str]) -> None:
+def _emit_terms(
+    module: Module, one_sided: OneSidedSystem, slots: Function, attributes: Sequence[str], *, of_marked: bool = False
+) -> None:
     n, terms = one_sided.rows, one_sided.terms
-    lowered = lower_repeated(module, terms.function, inline=True, as_interpreted=True)
-    exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contact_terms")
+    known = module.functions.get(terms.function.name())
+    lowered = known or lower_repeated(module, terms.function, inline=True, as_interpreted=True)
+    name = "read_marked_terms" if of_marked else "read_contact_terms"
+    exported = Function(module, FunctionType(VOID, [POINTER] * (4 + of_marked)), name)
     exported.attributes = [*attributes]
     b = IRBuilder(exported.append_basic_block("entry"))
-    t, y, inputs, out = exported.args
+    t, y, inputs, *marks, out = exported.args
     left, factor = (local_array(b, terms.function.nnz_out(index)) for index in range(2))
-    values, rest, pooled = local_array(b, one_sided.slots.size), element(b, out, n * n), one_sided.slots.pooled
+    values, pooled = local_array(b, one_sided.slots.size), one_sided.slots.pooled
+    matrix, rest = (element(b, out, terms.function.nnz_out(2)), out) if of_marked else (out, element(b, out, n * n))
+    whole = local_array(b, n * n) if of_marked and terms.factors is None else matrix
     of_pools = [local_array(b, terms.function.nnz_out(index)) for index in range(3, terms.function.n_out())]
     calls = None if pooled is None else PooledCalls(b, pooled)
     b.call(slots, [t, y, inputs, values])
-    b.call(lowered, [t, y, inputs, values, out if terms.factors is None else left, factor, rest, *of_pools])
+    b.call(lowered, [t, y, inputs, values, whole if terms.factors is None else left, factor, rest, *of_pools])
     if calls is not None:
         calls.fill(inputs, values)
         calls.gather(of_pools[1], 1.0, rest)
     if terms.factors is not None:
-        product = emit_product(module, "whole_product", terms.factors, None, pooled)
-        b.call(product, [inputs, left, factor, out, values, *([] if calls is None else calls.coefficients.all)])
+        product_name = "marked_product" if of_marked else "whole_product"
+        product = emit_product(module, product_name, terms.factors, None, pooled, of_marked=of_marked)
+        more = [] if calls is None else calls.coefficients.all
+        b.call(product, [inputs, left, factor, matrix, *(marks or [values]), *more])
+    elif marks:
+        b.call(emit_function(module, take_marked), [integer(n), whole, *marks, matrix])
     b.ret_void()
+
+
+def take_marked(n: int, whole: Array, marks: Array, matrix: Array) -> None:
+    """Write those rows and columns of a matrix (n, n) whose marks (n,) are not zero to another one."""
+    count = 0
+    for j in range(n):
+        for i in range(n if marks[j] != 0.0 else 0):
+            if marks[i] != 0.0:
+                matrix[count] = whole[i + j * n]
+                count += 1
 
 
 INLINED_START = 300  # instructions up to which the rates with the guards of open contacts are inlined

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.operating_system import keep_freed_memory
 from mbd_sim.base.rounded import radau
 from mbd_sim.compiler.ir.python_kinds import address_of, packed, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
@@ -280,14 +281,17 @@ def _addresses(model: OneSidedModel, kernel: Kernel, *, time_stepping: bool) -> 
     }
 
 
-NO_STEPPING = Stepping(0, 0, 0, 0, np.zeros(0, dtype=np.int64), np.zeros(0))  # of steps from event to event
+KEPT = 1 << 28  # bytes of all arrays of a step
+NO_STEPPING = Stepping(0, 0, 0, 0, 0, np.zeros(0, dtype=np.int64), np.zeros(0))  # of steps from event to event
 
 
 def _stepping(model: OneSidedModel, kernel: Kernel, layout: CoordinateLayout) -> Stepping:
-    """The fields of `Contacts` for time stepping."""
+    """The fields of `Contacts` for time stepping, of which a step takes up and frees large arrays."""
+    keep_freed_memory(KEPT)
     places = [(layout.q[joint], layout.u[joint]) for joint in layout.u]
     return Stepping(
         kernel.code.address("project"),
+        kernel.reader_address("marked_terms"),
         kernel.reader_address("displaced"),
         kernel.reader_address("powers"),
         len(places),

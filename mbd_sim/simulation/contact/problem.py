@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -31,6 +32,7 @@ from mbd_sim.simulation.contact.complementarity import pivots
 
 STIFFER, LEAST_RATIO = 10.0, 1.01  # ratios of the softnesses of supports that become rigid, from one to the next
 RIGID = 1e-13  # softness that is not distinguished from that of rigid ones
+FEW, SWEEPS = 40, 400  # rows up to which all ways are tried in a step; sweeps where none leads to forces
 FOLLOWED = 1e-12  # residual up to which forces of such supports are accepted
 
 
@@ -95,19 +97,16 @@ class ContactProblem:
         return total
 
 
-def contact_forces(problem: ContactProblem, *, settled: bool = True) -> Array:
+def contact_forces(problem: ContactProblem) -> Array:
     """λ (n,) that satisfies all conditions; of several the elastic ones.
 
-    :param settled: False: of those that are shared about 1e-6 may lack to the least sum of squares.
     :raises NoSolutionError: there is none, or none was found.
     """
     unique = np.zeros(len(problem.free))
-    if settled and called("settled_forces", problem.packed, problem.supports, unique):
-        return unique
-    if not settled and called("unique_forces", problem.packed, unique):
+    if called("settled_forces", problem.packed, problem.supports, unique):
         return unique
     for rows in (islands := _islands(problem)):
-        unique[rows] = _forces_together(problem if len(islands) == 1 else _island(problem, rows), settled=settled)
+        unique[rows] = _forces_together(problem if len(islands) == 1 else _island(problem, rows))
     return unique
 
 
@@ -132,7 +131,7 @@ def _island(problem: ContactProblem, rows: Sequence[int]) -> ContactProblem:
     return ContactProblem(problem.matrix[rows][:, rows], problem.free[list(rows)], normals, frictions, compliance)
 
 
-def _forces_together(problem: ContactProblem, *, settled: bool) -> Array:
+def _forces_together(problem: ContactProblem) -> Array:
     """See `contact_forces`; of an island."""
     n = len(problem.free)
     unique = np.zeros(n)
@@ -145,7 +144,7 @@ def _forces_together(problem: ContactProblem, *, settled: bool) -> Array:
     elastic = _elastic(scaled)
     if elastic is None:
         elastic = _solution(scaled, rigid, start)
-    for forces in [_shared(scaled, elastic), elastic] if settled else [elastic]:
+    for forces in (_shared(scaled, elastic), elastic):
         if _natural(scaled, forces) <= ACCURATE:
             return _newton(scaled, forces)[0] * scale
     polished, residual = _newton(scaled, elastic)
@@ -160,15 +159,31 @@ def _shared(problem: ContactProblem, forces: Array) -> Array:
 
 
 def nearest_forces(problem: ContactProblem) -> tuple[Array, float]:
-    """λ (n,) that satisfies all conditions, and 0; else the nearest that is found, and its relative residual."""
-    try:
-        return contact_forces(problem, settled=False), 0.0
-    except NoSolutionError:
-        scaled, scale = _scaled(problem)
-        swept = np.zeros(len(problem.free))
-        called("sweep", scaled.packed, swept)
-        polished, residual = _newton(scaled, swept)
-        return polished * scale, residual
+    """λ (n,) of a step of time stepping that satisfies all conditions, and 0: see `compiled.together.step_forces`.
+
+    Where none is found, the nearest ones, and their relative residual.
+    """
+    forces, residual = np.zeros(len(problem.free)), 0.0
+    if called("nearest_forces", problem.packed, problem.supports, forces):
+        return forces, residual
+    for rows in _islands(problem):
+        forces[rows], missing = _nearest_together(_island(problem, rows))
+        residual = max(residual, missing)
+    return forces, residual
+
+
+def _nearest_together(problem: ContactProblem) -> tuple[Array, float]:
+    """See `nearest_forces`; of an island."""
+    found = np.zeros(len(problem.free))
+    if called("nearest_forces", problem.packed, problem.supports, found):
+        return found, 0.0
+    with suppress(NoSolutionError):
+        if len(found) <= FEW:
+            return contact_forces(problem), 0.0
+    scaled, scale = _scaled(problem)
+    called("sweep", scaled.packed, SWEEPS, found)
+    polished, residual = _newton(scaled, found)
+    return polished * scale, residual
 
 
 def _elastic(problem: ContactProblem) -> Array | None:

@@ -195,5 +195,5 @@ def test_sweeps_approach_the_forces():
     frictions = [FrictionLimit((2, 3), 0, 0.4), FrictionLimit((4,), 1, 0.6), FrictionLimit((5, 6), None, 0.2)]
     problem = ContactProblem(gradient @ gradient.T, np.array([-8.0, -5, 3, 4, -9, 9, 1]), [0, 1], frictions)
     swept = np.zeros(7)
-    called("sweep", problem.packed, swept)
+    called("sweep", problem.packed, 400, swept)
     assert swept == pytest.approx(contact_forces(problem), abs=1e-12)

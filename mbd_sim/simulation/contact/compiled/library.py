@@ -59,6 +59,10 @@ from mbd_sim.simulation.contact.compiled.instant import (
     modes,
     shared_forces,
     sliding,
+)
+from mbd_sim.simulation.contact.compiled.together import (
+    elimination,
+    step_forces,
     step_impulses,
     step_modes,
 )
@@ -71,6 +75,7 @@ MODULES: tuple[ModuleType, ...] = (
     collocation,
     contacts,
     crossings,
+    elimination,
     flat_rims,
     forces,
     impact,
@@ -98,6 +103,7 @@ MODULES: tuple[ModuleType, ...] = (
     smooth,
     smooth_distances,
     step,
+    step_forces,
     step_impulses,
     step_modes,
     time_stepping,
@@ -114,6 +120,7 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     islands.find_islands,
     islands.unique_forces,
     islands.settled_forces,
+    step_forces.nearest_forces,
     forces.residual_of,
     forces.newton,
     forces.by_lemke,
@@ -152,13 +159,10 @@ EXPORTED: tuple[Callable[..., Any], ...] = (
     smooth.smooth_touching,
 )
 
-KEPT = 3_000_000  # numbers of all arrays of one call; glibc keeps up to 32 MB
-
 
 @functools.cache
 def library() -> SimpleNamespace:
     """The compiled functions, which release the interpreter's lock, and their `addresses` by name."""
-    np.empty(KEPT)  # freed at once: glibc then keeps as much memory as that for the arrays of each call
     code = compile_once([*_contents()], _emitted)
     addresses = {one.__name__: code.address(name_of(one)) for one in EXPORTED}
     names = {one.__name__: prototype(*signature_of(one))(addresses[one.__name__]) for one in EXPORTED}

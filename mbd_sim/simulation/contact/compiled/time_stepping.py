@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.instant.candidate_forces import read_joint_loads, read_terms, terms_size
+from mbd_sim.simulation.contact.compiled.instant.candidate_forces import read_joint_loads
 from mbd_sim.simulation.contact.compiled.instant.contacts import (
     ADVANCE,
     PART_STEP,
@@ -21,8 +21,6 @@ from mbd_sim.simulation.contact.compiled.instant.contacts import (
     read_poses,
 )
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
-from mbd_sim.simulation.contact.compiled.instant.step_impulses import StepContacts, find_impulses
-from mbd_sim.simulation.contact.compiled.instant.step_modes import add_sliding, write_resting
 from mbd_sim.simulation.contact.compiled.pairs import (
     DISTANCE,
     POSE,
@@ -47,6 +45,8 @@ from mbd_sim.simulation.contact.compiled.step import (
     record_changes,
     total_energy,
 )
+from mbd_sim.simulation.contact.compiled.together.step_impulses import StepContacts, find_impulses, mark_rows
+from mbd_sim.simulation.contact.compiled.together.step_modes import add_sliding, write_resting
 from mbd_sim.simulation.contact.compiled.touching import end_step, key_of, slot_key
 
 NEAR = 0.01  # of the way at the natural speed in a step, within which features that touch together are found
@@ -160,16 +160,18 @@ def act(
 
     :param before: the rates (rows,) at its start.
     """
-    middle, after, change, e = zeros(c.size), zeros(c.rows), zeros(c.speeds), zeros(c.gaps)
+    middle, after, change, e, time = zeros(c.size), zeros(c.rows), zeros(c.speeds), zeros(c.gaps), zeros(1)
+    marks, rows, places, first = zeros(c.rows), integers(c.rows), integers(c.rows), c.rows + 2 * c.frictions
+    count = mark_rows(c, closing, marks, rows, places)
+    terms = zeros(first + count * count)
     s = StepContacts(
-        free.length, zeros(terms_size(c)), zeros(c.loads_size), before, after, closing, integers(c.gaps),
-        zeros(c.rows), zeros(c.rows), zeros(2),
+        free.length, terms, terms[first:], count, rows, places, zeros(c.loads_size), before, after, closing,
+        integers(c.gaps), zeros(c.rows), zeros(c.rows), zeros(2),
     )  # fmt: skip
-    time = zeros(1)
     time[0] = free.start + 0.5 * free.length
     if not rates_at_end(c, free, inputs, before, middle, after):
         return NOT_FINITE
-    read_terms(c, time[0], middle, inputs, s.terms)
+    READ_RESPONSE(c.stepping.marked_terms, time, middle, inputs, marks, terms)
     read_joint_loads(c, time[0], middle, inputs, s.joint_loads)
     READ_INPUTS(c.restitution, inputs, e)
     if not find_impulses(c, s, e):

@@ -28,6 +28,7 @@ class Stepping:
     """
 
     project: int
+    marked_terms: int
     displaced: int
     powers: int
     joints: int

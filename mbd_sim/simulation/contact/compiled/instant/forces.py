@@ -16,7 +16,6 @@ SLIPS = 20.0  # times the motion of elastic supports, beyond which friction at i
 UNPRESSED = 1e-9  # of the largest force, that counts as none where a support is left out or added
 ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
 NEWTON_STEPS = 40
-SWEEPS = 400
 
 
 @dataclass(frozen=True)
@@ -240,9 +239,9 @@ def newton(p: ForceProblem, forces: Array, is_regular: bool) -> float:
     return least
 
 
-def sweep(p: ForceProblem, forces: Array) -> None:
+def sweep(p: ForceProblem, sweeps: int, forces: Array) -> None:
     """Projected Gauss–Seidel sweeps over the elements, from some forces λ (n,) on."""
-    for _ in range(SWEEPS):
+    for _ in range(sweeps):
         for i in range(p.normals):
             row = p.normal_rows[i]
             diagonal = p.matrix[row * p.n + row]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
 from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_together
 from mbd_sim.simulation.contact.compiled.instant.linear import block_rows, number_blocks, take_block, unite
-from mbd_sim.simulation.contact.compiled.instant.shared_forces import nearest_together, settled_together
+from mbd_sim.simulation.contact.compiled.instant.shared_forces import settled_together
 
 ROWS, NORMALS, FRICTIONS = 0, 1, 2  # of the sizes of an island
 SIZES = 3
@@ -88,31 +88,17 @@ def unique_on(p: ForceProblem, islands: Integers, island: int, forces: Array) ->
     return True
 
 
-def nearest_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
-    """λ (n,) that satisfies all conditions, of several that of elastic supports; False where it is not found quickly.
-
-    :param compliance: (n,) of the supports.
-    """
-    islands = integers(p.n)
-    count = find_islands(p, islands)
-    if count < 2:
-        return nearest_together(p, compliance, forces)
-    return not any(not nearest_on(p, compliance, islands, island, False, forces) for island in range(count))
-
-
 def settled_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
-    """As `nearest_forces`, to round-off: those of least Σ C λ²."""
+    """λ (n,) that satisfies all conditions, of several those of least Σ C λ²; False where it is not found quickly."""
     islands = integers(p.n)
     count = find_islands(p, islands)
     if unique_forces(p, forces):
         return True
-    return not any(not nearest_on(p, compliance, islands, island, True, forces) for island in range(count))
+    return not any(not settled_on(p, compliance, islands, island, forces) for island in range(count))
 
 
-def nearest_on(
-    p: ForceProblem, compliance: Array, islands: Integers, island: int, settled: bool, forces: Array
-) -> bool:  # fmt: skip
-    """The `nearest_forces` or `settled_forces` of an island, among those of all."""
+def settled_on(p: ForceProblem, compliance: Array, islands: Integers, island: int, forces: Array) -> bool:
+    """The `settled_forces` of an island, among those of all."""
     sizes = integers(SIZES)
     measure_island(p, islands, island, sizes)
     n, normals, frictions = sizes[ROWS], sizes[NORMALS], sizes[FRICTIONS]
@@ -125,7 +111,7 @@ def nearest_on(
     take_island(p, islands, island, own, rows)
     for i in range(n):
         supports[i] = compliance[rows[i]]
-    if not (settled_together(own, supports, found) if settled else nearest_together(own, supports, found)):
+    if not settled_together(own, supports, found):
         return False
     for i in range(n):
         forces[rows[i]] = found[i]

@@ -29,37 +29,11 @@ SOFTER, SOFTENINGS = 0.1, 6  # ratio of the softnesses of supports that follow e
 STIFFENINGS = 5  # each of which divides the rates of supports at rest by the ratio of their stiffness to `SOFTNESS`
 
 
-def nearest_together(p: ForceProblem, compliance: Array, forces: Array) -> bool:
-    """λ (n,) that satisfies all conditions, of several that of elastic supports; False where it is not found quickly.
+def settled_together(p: ForceProblem, compliance: Array, forces: Array) -> bool:
+    """λ (n,) that satisfies all conditions, of several those of least Σ C λ²; False where it is not found quickly.
 
     :param compliance: (n,) of the supports.
     """
-    n, scale, found = p.n, zeros(p.n), zeros(p.n)
-    matrix, free, sizes, own = zeros(p.n * p.n), zeros(p.n), zeros(p.frictions), zeros(p.n)
-    if n == 0:
-        return True
-    scaled_problem(p, matrix, free, sizes, scale)
-    scaled = ForceProblem(n, matrix, free, p.normals, p.normal_rows, p.frictions, p.friction_rows, p.loads, sizes)
-    is_found = quick_forces(scaled, forces)
-    is_single = p.normals < 2 and p.frictions < 2
-    if not is_found or not (is_single or is_unique(scaled, forces)):
-        if is_single or rank_of(n, matrix) == n:
-            if not is_found:
-                return False
-        else:
-            scaled_compliance(n, compliance, scale, own)
-            if elastic_forces(scaled, own, found) and newton(scaled, found, False) <= ACCURATE:
-                for i in range(n):
-                    forces[i] = found[i]
-            elif not is_found:
-                return False
-    for i in range(n):
-        forces[i] = forces[i] * scale[i]
-    return True
-
-
-def settled_together(p: ForceProblem, compliance: Array, forces: Array) -> bool:
-    """As `nearest_together`, to round-off: those of least Σ C λ²."""
     n, scale, found, elastic = p.n, zeros(p.n), zeros(p.n), zeros(p.n)
     matrix, free, sizes, own = zeros(p.n * p.n), zeros(p.n), zeros(p.frictions), zeros(p.n)
     if n == 0:

@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.instant.candidate_forces import friction_size, length_along, load_of
+from mbd_sim.simulation.contact.compiled.instant.candidate_forces import length_along, load_of
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts
 from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem
 from mbd_sim.simulation.contact.compiled.instant.impact import GAIN, slow_of
-from mbd_sim.simulation.contact.compiled.instant.islands import nearest_forces
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING
+from mbd_sim.simulation.contact.compiled.together.step_forces import nearest_forces
 
 LOAD_ITERATIONS, SETTLED = 200, 1e-12  # until the loads of joints do not change any more, relative to the largest
 
@@ -22,15 +22,20 @@ LOAD_ITERATIONS, SETTLED = 200, 1e-12  # until the loads of joints do not change
 class StepContacts:
     """The contacts of a step of some `length` in s, and their impulses.
 
-    The terms of the configuration in which these act are a `matrix` (rows, rows) column by column with what follows it,
-    see `read_terms`, and the `joint_loads`. `before` are the rates (rows,) at the start of the step, and `free` those
-    at its end without impulses. The gaps that are `closing` are 1; `hits` approach faster than contacts at rest. The
-    `impulses` (rows,), the `rates` (rows,) at the end with these and the `losses` (2,) in J at gaps and by friction are
-    found.
+    The configuration in which these act has `terms`: accelerations (rows,), and sizes of sliding and then of static
+    friction; the `matrix` (count, count), column by column, of those `rows` that can act, which have some `places`
+    (all rows,) among these; and the `joint_loads`. `before` are the rates (rows,) at the start of the step, and `free`
+    those at its end without impulses. The gaps that are `closing` are 1; `hits` approach faster than contacts at rest.
+    The `impulses` (rows,), the `rates` (rows,) at the end with these and the `losses` (2,) in J at gaps and by friction
+    are found.
     """
 
     length: float
     terms: Array
+    matrix: Array
+    count: int
+    rows: Integers
+    places: Integers
     joint_loads: Array
     before: Array
     free: Array
@@ -56,9 +61,9 @@ def find_impulses(c: Contacts, s: StepContacts, e: Array) -> bool:
             rebounds = rebounds or e[gap] != 0.0
     if not solve(c, s, right):
         return False
-    for column in range(n):
-        for row in range(n if s.impulses[column] != 0.0 else 0):
-            s.rates[row] += s.terms[row + column * n] * s.impulses[column]
+    for j in range(s.count):
+        for i in range(s.count if s.impulses[s.rows[j]] != 0.0 else 0):
+            s.rates[s.rows[i]] += s.matrix[i + j * s.count] * s.impulses[s.rows[j]]
     for row in range(n):
         s.rates[row] += s.free[row]
         s.losses[0 if row < c.gaps else 1] += -0.5 * s.impulses[row] * (s.before[row] + s.rates[row])
@@ -66,17 +71,39 @@ def find_impulses(c: Contacts, s: StepContacts, e: Array) -> bool:
     return not (rebounds and s.losses[0] + s.losses[1] < -GAIN * (0.5 * exchanged))
 
 
+def mark_rows(c: Contacts, closing: Integers, marks: Array, rows: Integers, places: Integers) -> int:
+    """Mark the rows that can act, and list them, with their places in the list; how many they are."""
+    count = 0
+    for gap in range(c.gaps):
+        marks[gap] = 1.0 if closing[gap] else 0.0
+    for k in range(c.frictions):
+        gap = c.friction_gaps[k]
+        for direction in range(2 if gap < 0 or closing[gap] else 0):
+            if c.friction_rows[2 * k + direction] >= 0:
+                marks[c.friction_rows[2 * k + direction]] = 1.0
+    for row in range(c.rows):
+        if marks[row] != 0.0:
+            rows[count], places[row] = row, count
+            count += 1
+    return count
+
+
+def size_of(c: Contacts, s: StepContacts, element: int, static: int) -> float:
+    """The size of sliding friction, or of static friction."""
+    return s.terms[c.rows + static * c.frictions + element]
+
+
 def takes_part(c: Contacts, s: StepContacts, element: int) -> bool:
     """Whether friction can act in the step."""
     gap = c.friction_gaps[element]
     if gap >= 0 and not s.closing[gap]:
         return False
-    return max(friction_size(c, s.terms, element, 0), friction_size(c, s.terms, element, 1)) > 0.0
+    return max(size_of(c, s, element, 0), size_of(c, s, element, 1)) > 0.0
 
 
 def solve(c: Contacts, s: StepContacts, right: Array) -> bool:
     """The impulses for rates (rows,) without them that include restitution; False where they are not simple to find."""
-    n, count, normals, frictions = c.rows, 0, 0, 0
+    count, normals, frictions = 0, 0, 0
     chosen, place, normal_rows = integers(c.rows), integers(c.rows), integers(c.gaps)
     elements, friction_rows, gaps = integers(c.frictions), integers(2 * c.frictions), integers(c.frictions)
     for gap in range(c.gaps):
@@ -101,7 +128,7 @@ def solve(c: Contacts, s: StepContacts, right: Array) -> bool:
     for i in range(count):
         own[i], compliance[i] = right[chosen[i]], c.stepping.compliance[chosen[i]]
         for j in range(count):
-            matrix[i * count + j] = s.terms[chosen[i] + chosen[j] * n]
+            matrix[i * count + j] = s.matrix[s.places[chosen[i]] + s.places[chosen[j]] * s.count]
     problem = ForceProblem(count, matrix, own, normals, normal_rows, frictions, friction_rows, gaps, sizes)
     return solve_with_loads(c, s, problem, chosen, elements, compliance)
 
@@ -145,7 +172,7 @@ def limit_of(c: Contacts, s: StepContacts, element: int, loads: Array) -> float:
     """The limit of friction: that of friction at rest where it does not slip at the start of the step."""
     first = c.friction_rows[2 * element]
     at_rest = length_along(c, element, s.before) <= c.rest_speed * c.row_speeds[first] / c.unit_speed
-    size = friction_size(c, s.terms, element, 1 if at_rest else 0)
+    size = size_of(c, s, element, 1 if at_rest else 0)
     if c.friction_gaps[element] >= 0:
         return size
     return size * (loads[element] if c.friction_loads[element] >= 0 else s.length)

@@ -6,11 +6,10 @@ They say what is read of contacts between steps, and which rows are projected.
 from __future__ import annotations
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
-from mbd_sim.simulation.contact.compiled.instant.candidate_forces import friction_size
 from mbd_sim.simulation.contact.compiled.instant.contacts import Contacts, active_at, direction_at
 from mbd_sim.simulation.contact.compiled.instant.linear import best_conditioned, least_solution
 from mbd_sim.simulation.contact.compiled.instant.modes import RESTING, set_sign
-from mbd_sim.simulation.contact.compiled.instant.step_impulses import StepContacts, slip_of
+from mbd_sim.simulation.contact.compiled.together.step_impulses import StepContacts, size_of, slip_of
 
 
 def write_resting(c: Contacts, s: StepContacts, inputs: Array) -> None:
@@ -27,7 +26,7 @@ def write_resting(c: Contacts, s: StepContacts, inputs: Array) -> None:
         gap = c.friction_gaps[k]
         if gap >= 0 and inputs[c.first_mode + gap] == 0.0:
             continue
-        if friction_size(c, s.terms, k, 1) > 0.0 and slip_of(c, s, k) == 0.0:
+        if size_of(c, s, k, 1) > 0.0 and slip_of(c, s, k) == 0.0:
             for direction in range(2):
                 row = c.friction_rows[2 * k + direction]
                 if row >= 0:
@@ -43,7 +42,7 @@ def activate(c: Contacts, s: StepContacts, count: int, rows: Integers, inputs: A
         order[i] = i
         inputs[active_at(c, rows[i])] = -c.stepping.compliance[rows[i]]
         for j in range(count):
-            matrix[i * count + j] = s.terms[rows[i] + rows[j] * c.rows]
+            matrix[i * count + j] = s.matrix[s.places[rows[i]] + s.places[rows[j]] * s.count]
     rank = best_conditioned(count, matrix, count, order, basis)
     for i in range(rank):
         row = rows[basis[i]]
@@ -93,15 +92,16 @@ def share(c: Contacts, s: StepContacts, forces: Array, inputs: Array, chosen: In
         place[chosen[i]] = 1 + i
         weights[i] = abs(inputs[active_at(c, chosen[i])])
         for j in range(count):
-            matrix[i * count + j] = s.terms[chosen[i] + chosen[j] * n]
+            matrix[i * count + j] = s.matrix[s.places[chosen[i]] + s.places[chosen[j]] * s.count]
     for k in range(c.frictions):
         column = place[c.friction_gaps[k]] - 1 if c.friction_gaps[k] >= 0 else -1
         for direction in range(2 if column >= 0 else 0):
             row = c.friction_rows[2 * k + direction]
             if row >= 0 and inputs[direction_at(c, row)] != 0.0:
-                size = friction_size(c, s.terms, k, 0) * inputs[direction_at(c, row)]
+                size = size_of(c, s, k, 0) * inputs[direction_at(c, row)]
                 for i in range(count):
-                    matrix[i * count + column] -= s.terms[chosen[i] + row * n] * size
+                    slope = s.matrix[s.places[chosen[i]] + s.places[row] * s.count]
+                    matrix[i * count + column] -= slope * size
     for i in range(count):
         for j in range(count):
             right[i] += matrix[i * count + j] * forces[chosen[j]]
