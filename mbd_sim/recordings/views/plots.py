@@ -16,6 +16,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError, cause_of
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.recordings.run.changed_run import ChangedRun, ComparedSeries
 from mbd_sim.recordings.views.panels import STYLES, Line, Panel, PlotStyle, template
@@ -80,6 +81,7 @@ class _Plot:
         return not (self.panels[number].over_time and any(panel.over_time for panel in below))
 
 
+@interruptible()
 def _draw(path: Path, plot: _Plot) -> None:
     """Draw by Matplotlib, or as a zoomable HTML page by Plotly, which needs no network."""
     require_plot(path)
