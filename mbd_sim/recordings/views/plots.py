@@ -53,12 +53,15 @@ MAX_EVENTS = 40
 POINTS_PER_INCH = 72.0
 
 
-def draw(path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle = STYLES["screen"]) -> None:
+def draw(
+    path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle = STYLES["screen"], *, kept: bool = True
+) -> None:
     """Draw the panels of a run, one below the other.
 
+    :param kept: whether the recording remains, whose name is in the title then.
     :raises MbdSimError: the file has another format or cannot be written, or Plotly is not installed.
     """
-    _draw(path, _Plot(_title(table), panels, style, table.events[:MAX_EVENTS]))
+    _draw(path, _Plot(_title(table, kept), panels, style, table.events[:MAX_EVENTS]))
 
 
 @dataclass(frozen=True)
@@ -190,10 +193,10 @@ def _write_page(path: Path, plot: _Plot) -> None:
     figure.write_html(path, include_plotlyjs=True)
 
 
-def _title(table: RunTable) -> str:
+def _title(table: RunTable, kept: bool) -> str:
     about = table.about
     method = f", {about['method']} at {1e3 * float.fromhex(about['step']):g} ms" if "method" in about else ""
-    return f"{table.title}: {table.path.name}{method}"
+    return f"{table.title}{f': {table.path.name}' if kept else ''}{method}"
 
 
 def _thinned(line: Line) -> tuple[Array, Array]:
