@@ -328,7 +328,7 @@ class _EquilibriumSearch:
     def _falls(self) -> bool:
         """Whether a body that is free in space has weight, and nothing but one-sided elements can hold it.
 
-        The paths would follow its fall: for a heap of thirty balls, for a quarter of an hour.
+        The paths would only follow its fall, for minutes in a heap of thirty balls.
         """
         equations, mechanism = self._equations, self._equations.mechanism
         compliant = [contact for contact in mechanism.contacts if not contact.rigid]
@@ -340,7 +340,7 @@ class _EquilibriumSearch:
             for name, joint in mechanism.joints.items()
             if joint.type == "free" and joint.parent == GROUND
         ]
-        return max(weights, default=0.0) > BALANCED * float(np.max(np.abs(holding), initial=0.0))
+        return bool(max(weights, default=0.0) > BALANCED * float(np.max(np.abs(holding), initial=0.0)))
 
     def _acting(self) -> Array:
         """The efforts and wrenches among the inputs."""

@@ -291,7 +291,7 @@ joints:
     ],
 )
 def test_no_path_is_followed_where_a_free_body_falls(gravity, more, followed):
-    """There is no equilibrium without contacts then, and following the fall of a heap took a quarter of an hour."""
+    """There is no equilibrium without contacts then, and following the fall of a heap of thirty balls took minutes."""
     equations = derive(parse_mechanism(FREE.format(gravity=gravity, more=more)))
     with patch.object(equilibrium, "equilibria_along", side_effect=equilibrium.equilibria_along) as paths:
         found = nearest_equilibrium(equations)
