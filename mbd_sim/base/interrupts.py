@@ -1,6 +1,7 @@
 """Raises KeyboardInterrupt where it is not lost.
 
-CasADi calls Python methods of its arguments. It drops the exceptions that these raise, or replaces them by its own.
+CasADi and the renderers of Matplotlib, which are written in C++, call Python methods of their arguments. They drop the
+exceptions that these raise, or replace them by their own.
 """
 
 from __future__ import annotations
@@ -16,18 +17,19 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from _typeshed import TraceFunction
 
-_CASADI = "casadi."
+_LIBRARIES = ("casadi.", "matplotlib.")
+_OWN = "mbd_sim."
 
 
 def raise_interrupt(frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt: at once, or if the program is within a call of CasADi, where this call returns.
+    """Raise KeyboardInterrupt: at once, or if the program is within a call of a library, where this call returns.
 
     For handlers of signals, which run in the main thread.
 
     :param frame: where the signal has interrupted the program, the second argument of the handler.
     :raises KeyboardInterrupt:
     """
-    call = _outermost_casadi(frame)
+    call = _library_call(frame)
     if call is None:
         raise KeyboardInterrupt
     _interrupt_in(call, at_return=True)
@@ -39,7 +41,7 @@ def repeat_interrupt(lost: sys.UnraisableHookArgs) -> None:
         sys.__unraisablehook__(lost)
         return
     caller = sys._getframe(1)
-    call = _outermost_casadi(caller)
+    call = _library_call(caller)
     _interrupt_in(call or caller, at_return=call is not None)
 
 
@@ -58,7 +60,7 @@ def _interrupt_in(call: FrameType, *, at_return: bool) -> None:
 
 
 @contextmanager
-def interruptible_tracing() -> Iterator[None]:
+def interruptible() -> Iterator[None]:
     """Lose no Ctrl-C in this context, in scripts and notebooks: the main thread, with Python's own handler of SIGINT.
 
     Other handlers stay, as their programs decide what Ctrl-C does. Also a decorator.
@@ -79,11 +81,11 @@ def _on_interrupt(_: int, frame: FrameType | None) -> None:
     raise_interrupt(frame)
 
 
-def _outermost_casadi(frame: FrameType | None) -> FrameType | None:
-    """The outermost call of CasADi among a frame and its callers, if there is any."""
+def _library_call(frame: FrameType | None) -> FrameType | None:
+    """The outermost call of such a library among a frame and its callers, up to the first one of this package."""
     found = None
-    while frame is not None:
-        if frame.f_globals.get("__name__", "").startswith(_CASADI):
+    while frame is not None and not (name := frame.f_globals.get("__name__", "")).startswith(_OWN):
+        if name.startswith(_LIBRARIES):
             found = frame
         frame = frame.f_back
     return found

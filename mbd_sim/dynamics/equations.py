@@ -20,7 +20,7 @@ import numpy as np
 
 from mbd_sim.base.errors import quoted
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.accelerations import (
     AppliedForces,
@@ -273,7 +273,7 @@ def require_equations(given: object) -> None:
         raise TypeError(f"{quoted(given)} is not Equations. Give those of a simulation: simulation.model.equations.")
 
 
-@interruptible_tracing()
+@interruptible()
 def derive(
     mechanism: Mechanism,
     loaded: Sequence[str] = (),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.imports.assembly import CadAssembly
 from mbd_sim.imports.joints import Candidate, word_of
 from mbd_sim.pictures.drawing.sheet import (
@@ -37,6 +38,7 @@ COLORS = ("#8da0b3", "#c9a66b", "#88b07c", "#b98a9e", "#7fb0b5", "#b3a48d", "#9a
 INK, ACCENT = "#2c323c", "#b3261e"
 
 
+@interruptible()
 def write_picture(
     path: Path, assembly: CadAssembly, candidates: Sequence[Candidate], glass: Collection[str], up: Array
 ) -> None:

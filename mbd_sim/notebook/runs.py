@@ -150,7 +150,7 @@ def plot(
         with RunRecorder(simulation, recording):
             simulation.run(until)
         table = read_table(open_recording(recording))
-        plots.draw(picture, table, panels(table, show), look)
+        plots.draw(picture, table, panels(table, show), look, kept=False)
         content = picture.read_bytes()
     return RunPicture(content, ".png", f"The run of {simulation.mechanism.name} to {until:g} s", PLOT_WIDTH)
 

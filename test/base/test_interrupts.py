@@ -1,7 +1,8 @@
-"""KeyboardInterrupt is raised where CasADi does not drop it, and replaces it by no error of its own."""
+"""KeyboardInterrupt is raised where CasADi and Matplotlib do not drop it or replace it by an error of their own."""
 
 from __future__ import annotations
 
+import pathlib
 import signal
 import sys
 import threading
@@ -11,11 +12,16 @@ from types import FrameType
 import casadi
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import RendererAgg
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D
 
+from mbd_sim import Simulation
 from mbd_sim.analysis.mechanics import inverse_dynamics, kinematics
-from mbd_sim.base.interrupts import interruptible_tracing, raise_interrupt
+from mbd_sim.base.interrupts import interruptible, raise_interrupt
 from mbd_sim.dynamics import equations
 from mbd_sim.files.load import load_mechanism
+from mbd_sim.pictures.drawing.picture import draw
 from mbd_sim.studies.kinematic_analysis import system
 
 
@@ -79,6 +85,33 @@ def test_an_interrupt_within_casadi_is_not_reported_as_an_error(is_safe: bool) -
     expected = KeyboardInterrupt if is_safe else NotImplementedError
     with pytest.raises(expected):
         raise AssertionError(casadi.sin(InterruptedNumber()))
+
+
+class InterruptedTransform(Affine2D):
+    """A transform; a signal arrives when Matplotlib's renderer reads it, which raises an error of its own then."""
+
+    def __array__(self, *given: object, **named: object) -> np.ndarray:
+        signal.raise_signal(signal.SIGUSR1)
+        return super().__array__(*given, **named)
+
+
+def test_an_interrupt_within_a_renderer_is_not_reported_as_an_error(is_safe: bool) -> None:
+    renderer = RendererAgg(10.0, 10.0, 72.0)
+    with pytest.raises(KeyboardInterrupt if is_safe else ValueError):
+        renderer.draw_path(renderer.new_gc(), Path.unit_rectangle(), InterruptedTransform())
+
+
+def test_an_interrupt_does_not_wait_for_a_library_that_calls_this_package() -> None:
+    """As Matplotlib does for an animation in a window: its call returns when the window is closed."""
+    window, step = {"__name__": "matplotlib.animation"}, {"__name__": "mbd_sim.simulation.run", "signal": signal}
+    exec("def show(function): function(); ended.append(True)", window)
+    exec("def step(): signal.raise_signal(signal.SIGUSR1); went_on.append(True)", step)
+    window["ended"], step["went_on"] = [], []  # type: ignore[assignment]
+    before = signal.signal(signal.SIGUSR1, lambda _, frame: raise_interrupt(frame))
+    with pytest.raises(KeyboardInterrupt):
+        window["show"](step["step"])  # type: ignore[operator]
+    signal.signal(signal.SIGUSR1, before)
+    assert not step["went_on"] and not window["ended"]
 
 
 def test_an_interrupt_elsewhere_is_raised_at_once(is_safe: bool) -> None:
@@ -145,7 +178,7 @@ def ctrl_c() -> Iterator[None]:
 def test_ctrl_c_in_a_script_is_not_lost_where_equations_are_traced() -> None:
     with pytest.raises(NotImplementedError):  # otherwise this test shows nothing
         casadi.sin(InterruptedNumber(signal.SIGINT))
-    with pytest.raises(KeyboardInterrupt), interruptible_tracing():
+    with pytest.raises(KeyboardInterrupt), interruptible():
         casadi.sin(InterruptedNumber(signal.SIGINT))
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
@@ -190,16 +223,32 @@ def test_whatever_traces_or_calls_casadi_in_scripts_does_so(module, called, use,
 
 
 @pytest.mark.usefixtures("ctrl_c")
+def test_pictures_are_drawn_so_in_scripts(monkeypatch: pytest.MonkeyPatch, tmp_path: pathlib.Path) -> None:
+    """Frames of animations, drawings, and plots of runs."""
+    simulation, seen, original = Simulation.from_file("rod_pendulum"), [], RendererAgg.draw_path
+
+    def note(*given: object, **named: object) -> object:
+        seen.append(signal.getsignal(signal.SIGINT))
+        return original(*given, **named)
+
+    monkeypatch.setattr(RendererAgg, "draw_path", note)
+    draw(simulation.mechanism, simulation.poses(), tmp_path / "picture.png")
+    simulation.animate(until=0.01)
+    simulation.plot(until=0.02)
+    assert seen and signal.default_int_handler not in seen
+
+
+@pytest.mark.usefixtures("ctrl_c")
 def test_handlers_of_a_program_stay() -> None:
     def own(*_: object) -> None:
         """Whatever the program does."""
 
     signal.signal(signal.SIGINT, own)
-    with interruptible_tracing():
+    with interruptible():
         assert signal.getsignal(signal.SIGINT) is own
     assert signal.getsignal(signal.SIGINT) is own
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    with interruptible_tracing():
+    with interruptible():
         signal.signal(signal.SIGINT, own)
     assert signal.getsignal(signal.SIGINT) is own
 
@@ -209,7 +258,7 @@ def test_other_threads_leave_signals_alone() -> None:
     seen = []
 
     def trace() -> None:
-        with interruptible_tracing():
+        with interruptible():
             seen.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=trace)

@@ -22,6 +22,7 @@ from mbd_sim.dynamics.constraints.assembly import close_loops
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.dynamics.layouts.actuators import require_continuous
+from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.mechanism.natural_units import natural_units
 
 FLAT = 1e-10  # singular values up to this fraction of the largest, or this, count as zero
@@ -302,6 +303,8 @@ class _EquilibriumSearch:
         balance = self._balance
         if balance.imbalance <= BALANCED_START:
             return self._described(balance.start)
+        if self._falls():
+            return None
         found: list[Equilibrium] = []
         for direction in (1.0, -1.0):
             within = (1.0 + SAME) * min((one.distance for one in found), default=math.inf)
@@ -315,10 +318,35 @@ class _EquilibriumSearch:
     def all(self) -> list[Equilibrium]:
         """All that are found, the nearest first."""
         balance = self._balance
+        if self._falls():
+            return []
         found = [self._described(balance.start)] if balance.imbalance <= BALANCED_START else []
         for direction in (1.0, -1.0):
             found += [self._described(rest) for rest in islice(equilibria_along(balance, direction), ATTEMPTS)]
         return self._distinct([*found, *self._settled(), *self._around()])
+
+    def _falls(self) -> bool:
+        """Whether a body that is free in space has weight, and nothing but one-sided elements can hold it.
+
+        The paths would only follow its fall, for minutes in a heap of thirty balls.
+        """
+        equations, mechanism = self._equations, self._equations.mechanism
+        compliant = [contact for contact in mechanism.contacts if not contact.rigid]
+        if equations.rows or mechanism.force_elements or mechanism.actuators or compliant or np.any(self._acting()):
+            return False
+        holding = self._balance.start.holding
+        weights = [
+            np.linalg.norm(holding[equations.layout.u[name]][:3])  # of all that hangs on the joint
+            for name, joint in mechanism.joints.items()
+            if joint.type == "free" and joint.parent == GROUND
+        ]
+        return bool(max(weights, default=0.0) > BALANCED * float(np.max(np.abs(holding), initial=0.0)))
+
+    def _acting(self) -> Array:
+        """The efforts and wrenches among the inputs."""
+        layout = self._equations.inputs
+        wrenches = [self._inputs[where] for where in layout.wrenches.values()]
+        return np.concatenate([self._inputs[layout.efforts], *wrenches])
 
     def _settled(self) -> list[Equilibrium]:
         rest = settled(self._balance)

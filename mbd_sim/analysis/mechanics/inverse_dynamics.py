@@ -16,7 +16,7 @@ from mbd_sim.analysis.mechanics.one_sided_motion import OneSidedMotion
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.arrays import vector
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.actuators.functions import MOTOR_READINGS
 from mbd_sim.dynamics.equations import Equations, derive, require_equations
@@ -51,7 +51,7 @@ class InverseDynamics:
 
     __repr__ = short_repr
 
-    @interruptible_tracing()
+    @interruptible()
     def __init__(
         self, mechanism: Mechanism, actuated: Sequence[str] | None = None, equations: Equations | None = None
     ) -> None:

@@ -22,7 +22,7 @@ from mbd_sim.base.errors import InputError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.base.geometry.rotation import rotation_vector, to_quaternion
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.constraints.assembly import close_loops, close_nearby
 from mbd_sim.dynamics.constraints.functions import ConstraintFunctions
@@ -69,7 +69,7 @@ class InverseKinematics:
     __repr__ = short_repr
 
 
-@interruptible_tracing()
+@interruptible()
 def inverse_kinematics(
     kinematics: Kinematics,
     frame: str,

@@ -12,7 +12,7 @@ from mbd_sim.analysis.mechanics.free_drives import with_free_drives
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.dynamics.constraints.assembly import close_loops
 from mbd_sim.dynamics.constraints.start import assemble
@@ -39,7 +39,7 @@ class Kinematics:
 
     __repr__ = short_repr
 
-    @interruptible_tracing()
+    @interruptible()
     def __init__(self, mechanism: Mechanism) -> None:
         """Trace the positions and close the loops.
 

@@ -270,7 +270,7 @@ class RunOutputs:
             self.written.append(f"{options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
         if options.plot is not None:
             chosen = panels(table, self._shown, self._coordinates, degrees=options.deg)
-            plots.draw(options.plot, table, chosen, chosen_style(options, options.plot))
+            plots.draw(options.plot, table, chosen, chosen_style(options, options.plot), kept=path == options.out)
             titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
             self.written.append(f"{options.plot}: {titles}")
 

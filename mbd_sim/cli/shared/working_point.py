@@ -6,6 +6,8 @@ import argparse
 import math
 import sys
 
+import numpy as np
+
 from mbd_sim.analysis.equilibria.equilibrium import Equilibrium
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
@@ -21,6 +23,7 @@ from mbd_sim.studies.linear_analysis.loci import set_to_equilibrium
 SOLVED = 1e-12  # error of a coordinate at an equilibrium, relative to 1 rad or the size of the mechanism
 MOVED = 1e-9  # up to which a coordinate counts as that of the start, relative to the same
 EQUILIBRIUM, START = "equilibrium", "start"
+AT_REST = "the start, but at rest; for small motions about its motion, give --at start"
 
 
 def add_working_point(parser: argparse.ArgumentParser) -> None:
@@ -74,7 +77,9 @@ def equilibrium_text(simulation: BaseSimulation, found: Equilibrium) -> str:
         for name, value, size in zip(names, found.displacement.tolist(), _sizes(simulation), strict=True)
         if abs(value) > MOVED * size
     ]
-    where = f"moved from the start by {', '.join(moved)}" if moved else "the start itself"
+    model = simulation.model
+    moving = bool(np.any(model.start[model.u_range]))
+    where = f"moved from the start by {', '.join(moved)}" if moved else AT_REST if moving else "the start itself"
     return f"  {stability}; {where}"
 
 

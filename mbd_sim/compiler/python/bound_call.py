@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.base import disk_cache
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record
 from mbd_sim.compiler.code.machine_code import load_code
 from mbd_sim.compiler.python.bound_kernel import function_of_addresses
@@ -41,7 +41,7 @@ class CompiledFunction:
     size: int
 
     @classmethod
-    @interruptible_tracing()
+    @interruptible()
     def of(cls, trace: Callable[[], ca.Function], key: str | None = None) -> CompiledFunction:
         """Compile the function (t, …) -> values that `trace` returns, apart from the kernel, which stays as it is.
 

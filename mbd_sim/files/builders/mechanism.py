@@ -221,7 +221,7 @@ def _check_references(entries: Mapping[tuple[str, str], Any], context: BuildCont
             if key == "between" and len(names) == 2 and location[0] != "contacts":
                 context.attachments(where, [name for _, name in names])
             for place, name in names:
-                if key in FRAME_KEYS:
+                if key in FRAME_KEYS and location[0] != "joints" and (isinstance(value, str) or key == "through"):
                     context.frame(place, name)
                 elif key in COORDINATE_KEYS:
                     context.require_joint(where if isinstance(value, dict) else place, name)

@@ -27,6 +27,8 @@ _SERVO = "A servo is a key of an actuator: '{type: effort, joint: …, servo: {c
 _MOTOR = "A motor is an entry of actuators: '{type: effort, joint: …}' or '{type: dc_motor, …}'."
 _AT = "Name where it is: 'at: part' or 'at: part.point'."
 
+_THIN = "It has none: what is thick is a 'cylinder', with 'radius' and 'length'."
+
 # By section: unknown keys of its entries, and what to do. "Write 'key'…" is only for entries that have this key.
 _KEYS: Mapping[str, Mapping[Words, str]] = {
     "": {
@@ -35,16 +37,36 @@ _KEYS: Mapping[str, Mapping[Words, str]] = {
         ("imu", "imus", "encoder", "encoders", "sensor"): "Sensors are entries of 'sensors'.",
         ("spring", "springs", "dampers", "efforts", "torques", "force"): "Springs and efforts are entries of 'forces'.",
         ("drives", "motions"): "A drive is a key of its joint: 'drive'.",
+        ("floor", "plane", "table", "floors"): "A floor is an entry of contacts: 'floor: {parts: all, plane: ground}'.",
+    },
+    "ground": {
+        ("shape", "shapes", "geometry", "mesh", "meshes"): "Ground has only points: give the shapes to a part, and "
+        "hold it by a joint '{type: fixed, between: [ground, part]}'.",
     },
     "joints": {
         ("parent", "child", "from", "to", "body1", "body2"): "Write 'between: [parent, child]', with the names of two "
         "parts or points.",
         ("ratio", "pitch"): "Write 'lead', the travel for one turn.",
+        ("x", "y", "z", "xyz"): "Write 'position: [x, y, z]'.",
+        ("at", "origin", "anchor", "location", "pose", "center", "point", "points"): "Where a joint is, points say: "
+        "'between: [ground.point, part.point]', with both of them under 'points' of ground and of the part.",
         ("effort", "torque", "force"): "An effort that acts is an entry of forces, '{type: effort, coordinate: …, "
         "effort: …}', or if it is commanded, of actuators, '{type: effort, joint: …}'. The largest is 'effort_limit'.",
         ("motor", "actuator", "servo", "controller", "pid"): _MOTOR,
         ("drive",): "It has none: use prismatic and revolute joints in a row, with parts of mass 0 between them.",
         ("sensor", "encoder", "imu"): "A sensor is an entry of sensors: '{type: encoder, joint: …, counts: …}'.",
+    },
+    "drive": {
+        ("velocity", "speed", "rate", "rpm", "value", "angle", "expression", "function", "equation"): "A given motion "
+        "is an expression of the time, in m or rad, such as 'drive: 2*t'. With these keys, a drive follows commands.",
+    },
+    "contacts": {
+        ("a", "b", "first", "second", "part1", "part2", "shape1", "shape2", "geom1", "geom2", "pairs", "pair"): "Write "
+        "'between: [a, b]', with the names of two parts.",
+        ("point", "at", "foot", "wheel", "ball"): "Write 'parts: [part.point]', with 'plane: ground'.",
+        ("on", "floor", "ground", "surface", "table", "with", "against"): "Write 'plane: ground', or the point of a "
+        "plane, whose 'normal' is z by default.",
+        ("type", "kind"): "A contact has no type: give 'between' two parts, or 'parts' on a 'plane'.",
     },
     "limits": {
         ("effort", "torque"): "Write 'effort_limit' in the joint itself.",
@@ -115,6 +137,8 @@ def remedy_for_key(location: Location, known: Collection[str]) -> str:
     :param known: the keys that there are at this place.
     """
     section, key = _section(location[:-1]), str(location[-1])
+    if section == "shapes" and key in ("length", "height", "thickness", "width") and "radius" in known:
+        return "Write 'length'." if "length" in known else _THIN
     if section == "sensors" and key == "joint" and "at" in known:
         return _AT_A_POINT
     if section == "sensors" and key == "joint" and "actuator" in known:
@@ -152,9 +176,13 @@ def remedy_for_type(location: Location, word: str) -> str:
 def _section(location: Location) -> str:
     """The table for the keys of an entry at a location."""
     if len(location) < 2:
-        return "" if not location else "none"
+        return "" if not location else "ground" if location == ("ground",) else "none"
     if location[0] == "joints" and "limits" in location[2:]:
         return "limits"
+    if location[0] == "joints" and location[2:3] == ("drive",):
+        return "drive"
+    if location[0] == "parts" and "shape" in str(location[2:3]):
+        return "shapes"
     if location[0] == "actuators" and location[2:] == ("servo",):
         return "servo"
     return str(location[0]) if len(location) == 2 else "none"
@@ -205,11 +233,15 @@ def problem_of(source: Source, details: ErrorDetails, required: bool = False) ->
     leaf = str(loc[-1]) if loc else ""
     match kind:
         case "extra_forbidden":
+            if location[-1:] != loc[-1:]:  # it is also the value of a key 'type', and was taken for a tag
+                location, value = (*location, leaf), value[leaf]
             known = known_keys(loc[:-1])
             remedy = value is None and remedy_for_lone_key(leaf, known)
             remedy = remedy or remedy_for_key(location, known)
-            # Of words that are hardly similar, what is missing is the likelier one, whose own problem names it.
-            unlike = required and not difflib.get_close_matches(leaf[:100], known, n=1, cutoff=CUTOFF)
+            # Of words that are hardly similar, what is missing is the likelier one, whose own problem names it; and
+            # one or two letters are similar to anything.
+            similar = difflib.get_close_matches(leaf[:100], known, n=1, cutoff=CUTOFF)
+            unlike = len(leaf) <= 2 or (required and not similar)
             remedy = remedy or nearest("" if unlike else leaf, known)
             return source.problem(location, f"unknown key {quoted(leaf)}", remedy)
         case "too_long" if isinstance(value, list) and context["max_length"] > list_length(loc):
@@ -270,12 +302,12 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
             form = f"Use at most {LONGEST_NAME} characters without line ends, and none of {{ }}."
             return "not a valid name", form
         case "string_type":
-            between = "Write the name of a part, or part.point." if "between" in loc[-2:] else "Put it in quotes."
-            return "must be text", between
+            is_name = "between" in loc[-2:] or isinstance(value, dict | list)
+            return "must be text", "Write the name of a part, or part.point." if is_name else "Put it in quotes."
         case "bool_type" | "bool_parsing":
             return "must be true or false", "Write true or false."
         case "tuple_type" | "list_type":
-            return "must be a list", _list_form(loc)
+            return "must be a list", _list_form(loc, value)
         case "model_type" | "model_attributes_type" | "dict_type" if loc[-1:] == ("mapping",):
             return "must be a list or a mapping", _list_form((*loc[:-1], "list"))
         case "model_type" | "model_attributes_type" | "dict_type" if loc[:1] == ("actuators",) and loc[-1] == "command":
@@ -288,14 +320,24 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
                 )
             keys = known_keys(loc)
             remedy = f"Its keys: {listed(keys)}." if keys else "Write 'name: value'."
+            if loc[-1:] == ("limits",) and isinstance(value, list) and len(value) == 2:
+                remedy = f"Write {{lower: {value[0]}, upper: {value[1]}}}. {remedy}"
             return "must be a mapping of keys to values", remedy
         case "too_short":
             return "needs at least one entry", "Add one below it."
     return "", ""
 
 
-def _list_form(loc: PydanticLocation) -> str:
-    """How to write the list at a location."""
+AXES = {"x": [1, 0, 0], "y": [0, 1, 0], "z": [0, 0, 1]}
+DIRECTIONS = (("axis",), ("x_axis",), ("normal",), ("direction",))
+
+
+def _list_form(loc: PydanticLocation, value: object = None) -> str:
+    """How to write the list at a location, in place of a value."""
+    if loc[-1:] in DIRECTIONS and isinstance(value, str) and (axis := AXES.get(value.strip("+-").lower())):
+        return f"Write {[-one for one in axis] if value.startswith('-') else axis}."
+    if loc == ("gravity",) and isinstance(value, int | float):
+        return f"Write [0, 0, {-abs(value):g}]."
     if loc[-1:] == ("between",):
         return "Write it as [ground, part] or [part.point, part.point]."
     if loc[-1:] == ("table",):

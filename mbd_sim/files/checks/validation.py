@@ -68,7 +68,21 @@ def problems_of_any_type(source: Source, details: ErrorDetails, parameters: Para
     found = [_problems_as(source, location, kind, parameters) for kind in known_types(details["loc"])]
     best = [problems for problems in found if len(problems) == min(map(len, found))]
     in_all = set.intersection(*({problem.message for problem in problems} for problems in best))
-    return [problem for problem in best[0] if problem.message in in_all]
+    agreed = [
+        dataclasses.replace(problem, remedy=_OF_TYPE)
+        if any(_says_otherwise(problem, problems) for problems in best)
+        else problem
+        for problem in best[0]
+    ]
+    return [problem for problem in agreed if problem.message in in_all]
+
+
+_OF_TYPE = "What to write depends on the type."
+
+
+def _says_otherwise(problem: Problem, problems: Sequence[Problem]) -> bool:
+    """Whether the same problem has another remedy among others."""
+    return any(other.message == problem.message and other.remedy != problem.remedy for other in problems)
 
 
 def _problems_as(source: Source, location: Location, kind: str, parameters: Parameters) -> list[Problem]:

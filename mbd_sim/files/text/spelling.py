@@ -21,7 +21,7 @@ def as_written(key: Any, data: Collection[Any]) -> Any:
 # By key: words that stand for it wherever the key is known. Of several keys, the first one that is known counts.
 _WORDS = {
     "parts": "part body bodies link links object objects segment segments element elements",
-    "joints": "joint hinge hinges connection connections mate mates",
+    "joints": "joint hinge hinges connection connections mate mates between pair",
     "forces": "loads load",
     "constraints": "constraint loop loops closure closures coupling couplings equality equalities gear gears",
     "contacts": "contact collision collisions",
@@ -42,7 +42,8 @@ _WORDS = {
     "coefficient": "damping damping_coefficient damping_constant c d b viscosity k stiffness",
     "viscous": "damping viscosity",
     "rest": "rest_angle rest_length rest_position equilibrium neutral offset springref spring_reference free_angle",
-    "length": "natural_length rest_length free_length unstretched_length initial_length l l0 l_0 distance rest height",
+    "length": "natural_length rest_length free_length unstretched_length initial_length l l0 l_0 distance rest height "
+    "thickness",
     "mass": "m weight masses",
     "center": "com cog cm cg centre center_of_mass centre_of_mass mass_center center_of_gravity",
     "inertia": "i j moi moment moments moment_of_inertia moments_of_inertia inertia_tensor inertias",

@@ -76,9 +76,9 @@ class History:
         self._points.clear()
 
     @property
-    def span(self) -> tuple[float, float]:
-        """The times in s of the first and the last point; zeros if there is none."""
-        return (self._points[0][0], self._points[-1][0]) if self._points else (0.0, 0.0)
+    def span(self) -> tuple[float, float] | None:
+        """The times in s of the first and the last point; None if there is none."""
+        return (self._points[0][0], self._points[-1][0]) if self._points else None
 
     def nearest(self, time: float) -> RunPoint | None:
         """The point nearest to a time in s; None if there is none."""

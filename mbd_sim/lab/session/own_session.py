@@ -47,7 +47,8 @@ class OwnSession(Session):
         return str(self._recorder.path) if self._recorder else ""
 
     def play(self) -> None:
-        """Run on from the present state."""
+        """Run on from the present state, to which one can wind back."""
+        self._remember(always=True)
         self.running, self.message, self._advanced = True, "", self._clock()
         self._rate = self.speed if math.isfinite(self.speed) else 0.0
         self._restart_clock()
@@ -62,6 +63,7 @@ class OwnSession(Session):
     def step(self, steps: int | None = None) -> None:
         """Pause, and take steps; by default as many as the force of a hand stays the same."""
         self.pause()
+        self._remember(always=True)
         self._guarded(self.bench.period if steps is None else steps)
         self._remember(always=True)
 

@@ -247,7 +247,7 @@ class Session(ABC):
             speeds=simulation.u.copy(),
             watched={name: read(self.bench) for name, read in self.watched.items()},
             pull=pull,
-            span=self.history.span,
+            span=self.history.span or (simulation.time, simulation.time),
             message=self.message or self.bench.message,
             recording=self.recording,
             values=self.bench.values(),

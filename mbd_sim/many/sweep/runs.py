@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import CommandError, DivergedError, MbdSimError, MechanismError, nearest
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.base.worker_processes import ending_at_once, leave_interrupts_to_parent
 from mbd_sim.files.load import parse_mechanism
@@ -254,6 +255,7 @@ def require_column(table_columns: Sequence[str], name: str) -> None:
         raise MbdSimError(f"there is no result '{name}'. {nearest(name, table_columns)}")
 
 
+@interruptible()
 def draw(path: Path, table: Table, varied: Sequence[str], shown: str, title: str) -> None:
     """Plot the result `shown` into a file.
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from mbd_sim.base.errors import InputError, quoted
 from mbd_sim.base.geometry.pose import Array, Pose
 from mbd_sim.base.geometry.rotation import unit_or_zero
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.elements.parts import Part
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -314,6 +315,7 @@ def draw(
     write_picture(compose(mechanism, poses, title, contacts), path)
 
 
+@interruptible()
 def write_picture(picture: Composition, path: Path) -> None:
     """Write a drawing by the suffix of the file.
 
@@ -330,6 +332,7 @@ def write_picture(picture: Composition, path: Path) -> None:
         ) from error
 
 
+@interruptible()
 def pixels(picture: Composition, resolution: float = POINTS) -> NDArray[np.uint8]:
     """A drawing as pixels (height, width, 3), `resolution` of them per inch."""
     with _figure(picture, resolution) as figure:

@@ -16,6 +16,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError, cause_of
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.recordings.run.changed_run import ChangedRun, ComparedSeries
 from mbd_sim.recordings.views.panels import STYLES, Line, Panel, PlotStyle, template
@@ -52,12 +53,15 @@ MAX_EVENTS = 40
 POINTS_PER_INCH = 72.0
 
 
-def draw(path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle = STYLES["screen"]) -> None:
+def draw(
+    path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle = STYLES["screen"], *, kept: bool = True
+) -> None:
     """Draw the panels of a run, one below the other.
 
+    :param kept: whether the recording remains, whose name is in the title then.
     :raises MbdSimError: the file has another format or cannot be written, or Plotly is not installed.
     """
-    _draw(path, _Plot(_title(table), panels, style, table.events[:MAX_EVENTS]))
+    _draw(path, _Plot(_title(table, kept), panels, style, table.events[:MAX_EVENTS]))
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,7 @@ class _Plot:
         return not (self.panels[number].over_time and any(panel.over_time for panel in below))
 
 
+@interruptible()
 def _draw(path: Path, plot: _Plot) -> None:
     """Draw by Matplotlib, or as a zoomable HTML page by Plotly, which needs no network."""
     require_plot(path)
@@ -188,10 +193,10 @@ def _write_page(path: Path, plot: _Plot) -> None:
     figure.write_html(path, include_plotlyjs=True)
 
 
-def _title(table: RunTable) -> str:
+def _title(table: RunTable, kept: bool) -> str:
     about = table.about
     method = f", {about['method']} at {1e3 * float.fromhex(about['step']):g} ms" if "method" in about else ""
-    return f"{table.title}: {table.path.name}{method}"
+    return f"{table.title}{f': {table.path.name}' if kept else ''}{method}"
 
 
 def _thinned(line: Line) -> tuple[Array, Array]:

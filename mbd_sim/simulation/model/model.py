@@ -13,7 +13,7 @@ from mbd_sim.base import disk_cache
 from mbd_sim.base.disk_cache import cached
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.geometry.rotation import rotation_vector, unit
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.compiler.python.bound_kernel import Kernel
 from mbd_sim.dynamics.layouts.vectors import AUDIT_STATES, LOSS_STATES
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -422,7 +422,7 @@ def build_model(
     # All that traces and compiles: a start with a stored model needs none of it.
     from mbd_sim.simulation.model.builder import build, can_be_stored, one_sided_model
 
-    with interruptible_tracing():
+    with interruptible():
         built = build(mechanism, name, trace, given_step)
     if key is not None and can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)

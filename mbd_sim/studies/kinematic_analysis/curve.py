@@ -23,7 +23,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.mechanism.mechanism import Mechanism
@@ -316,7 +316,7 @@ class ReachableRange:
     __repr__ = short_repr
 
 
-@interruptible_tracing()
+@interruptible()
 def reachable_range(mechanism: Mechanism, drive: str) -> ReachableRange:
     """How far the only drive of a mechanism can go in either direction from the start position in the file.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.roots import first_zero
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.studies.kinematic_analysis.drive_line import least_place
@@ -32,7 +32,7 @@ class Extreme:
     __repr__ = short_repr
 
 
-@interruptible_tracing()
+@interruptible()
 def limit_positions(motion: DrivenMotion, output: str) -> tuple[Extreme, ...]:
     """The positions in rad or m at which a coordinate reverses, in the order of the motion.
 
@@ -79,7 +79,7 @@ def _position(motion: DrivenMotion, output: str, q: Array) -> float:
     return float(q[motion.columns[motion.index(output)]])
 
 
-@interruptible_tracing()
+@interruptible()
 def transmission_extremes(motion: DrivenMotion, joints: CouplerAndFollower) -> tuple[Extreme, Extreme]:
     """The least and the greatest transmission angle in rad."""
     angle = TransmissionAngle(motion.system, joints)

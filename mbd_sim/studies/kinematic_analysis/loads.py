@@ -23,7 +23,7 @@ from mbd_sim.analysis.mechanics.inverse_dynamics import InverseDynamics
 from mbd_sim.analysis.mechanics.load_sharing import LoadSharing
 from mbd_sim.base.errors import InputError, counted, listed, nearest
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.mechanism.contents import require_two_sided
@@ -49,7 +49,7 @@ class DriveLoads:
     power: Array
 
 
-@interruptible_tracing()
+@interruptible()
 def drive_loads(motion: DrivenMotion) -> DriveLoads:
     """The loads of a motion with its speeds and accelerations: inertia, weight, springs, dampers and applied forces.
 

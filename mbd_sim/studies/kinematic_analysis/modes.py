@@ -8,7 +8,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.studies.kinematic_analysis.system import KinematicSystem
@@ -45,7 +45,7 @@ class AssemblyModes:
         return sum(count == 1 for count in self.found) / self.starts
 
 
-@interruptible_tracing()
+@interruptible()
 def assembly_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> AssemblyModes:
     """Search for all configurations at given coordinates, by Newton's method from many starts, the same in every run.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.dynamics.kinematics.frames import FrameQuantity, frame_function
 from mbd_sim.dynamics.math.expressions import evaluated
@@ -342,7 +342,7 @@ class DrivenMotion:
             return np.asarray(np.sign(self._unit[self.leading]) / ratios)
 
 
-@interruptible_tracing()
+@interruptible()
 def driven_motion(
     mechanism: Mechanism,
     drives: Mapping[str, float | tuple[float, float]],

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, MbdSimError, cause_of, nearest
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.spanning_tree import split_reference
 from mbd_sim.pictures.drawing.animation import TRACE_COLORS, TRACE_WIDTH, traced_point_paths
@@ -170,6 +171,7 @@ def require_picture_suffix(path: Path) -> None:
         raise InputError(f"{path} is not a picture", f"Use a file name that ends in {', '.join(SUFFIXES)}.")
 
 
+@interruptible()
 def draw_motion(
     path: Path,
     motion: DrivenMotion,

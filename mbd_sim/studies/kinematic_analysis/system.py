@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base.errors import InputError, MbdSimError, MechanismError, Problem, counted, listed, nearest
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.dynamics.constraints.assembly import CLOSED
 from mbd_sim.dynamics.constraints.functions import scaled
 from mbd_sim.dynamics.constraints.start import assemble, rheonomic
@@ -255,7 +255,7 @@ class KinematicSystem:
     `bias_function` of (t, q, u, values) is γ (m,).
     """
 
-    @interruptible_tracing()
+    @interruptible()
     def __init__(
         self, mechanism: Mechanism, drives: Sequence[str], parameters: SymbolicParameters | None = None
     ) -> None:

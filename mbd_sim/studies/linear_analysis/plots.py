@@ -22,6 +22,7 @@ from mbd_sim.analysis.linear.linearization import (
 from mbd_sim.analysis.linear.state_space import StateSpace
 from mbd_sim.base.errors import InputError, MbdSimError, cause_of
 from mbd_sim.base.geometry.pose import Array, Pose
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.pictures.drawing.animation import Animation, require_animation_packages, write_animation
@@ -33,6 +34,7 @@ _LEAST = 1e-300  # of a magnitude, for its logarithm
 _LEGEND = 12  # entries
 
 
+@interruptible()
 def draw_bode(path: str | Path, system: StateSpace, frequencies: Sequence[float] | Array, title: str = "") -> None:
     """Draw magnitude and phase of all pairs of inputs and outputs over the frequencies in Hz, as .png, .svg or .pdf.
 
@@ -62,6 +64,7 @@ def draw_bode(path: str | Path, system: StateSpace, frequencies: Sequence[float]
     _save(figure, path)
 
 
+@interruptible()
 def draw_locus(path: str | Path, locus: EigenvalueLocus, title: str = "") -> None:
     """Draw the eigenvalues over one value as a root locus, or over two values as a map of the largest growth rate.
 

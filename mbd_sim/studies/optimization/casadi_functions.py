@@ -17,7 +17,7 @@ import numpy as np
 
 from mbd_sim.base.errors import InputError, nearest
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.layouts.actuators import require_continuous
@@ -207,7 +207,7 @@ class CasadiFunctions:
         )
 
 
-@interruptible_tracing()
+@interruptible()
 def casadi_functions(mechanism: Mechanism, parameters: Sequence[str] = ()) -> CasadiFunctions:
     """The equations of a mechanism as CasADi functions.
 
@@ -230,7 +230,7 @@ def casadi_functions(mechanism: Mechanism, parameters: Sequence[str] = ()) -> Ca
 DEFAULT = "tsitouras8"
 
 
-@interruptible_tracing()
+@interruptible()
 def one_step(functions: CasadiFunctions, step: float, method: str = DEFAULT) -> ca.Function:
     """(t, x, e, p) -> `x_next` (nx,), the state `step` s later under constant efforts.
 
@@ -248,7 +248,7 @@ def one_step(functions: CasadiFunctions, step: float, method: str = DEFAULT) -> 
     return ca.Function("one_step", [t, x, e, p], [after], ["t", "x", "e", "p"], ["x_next"], {"cse": True})
 
 
-@interruptible_tracing()
+@interruptible()
 def trajectory(functions: CasadiFunctions, steps: int, step: float, method: str = DEFAULT) -> ca.Function:
     """(t0, x0, e, p) -> `x` (nx, steps + 1), the states from x0 at the time t0 on, `step` s apart.
 

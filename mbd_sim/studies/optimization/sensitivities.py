@@ -15,7 +15,7 @@ import numpy as np
 
 from mbd_sim.base.errors import DivergedError, InputError, counted
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record, short_repr
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.mechanism.mechanism import Mechanism, require_mechanism
@@ -104,7 +104,7 @@ class SensitivityModel:
 
     __repr__ = short_repr
 
-    @interruptible_tracing()
+    @interruptible()
     def __init__(
         self,
         mechanism: Mechanism,

@@ -11,6 +11,7 @@ import numpy as np
 
 from mbd_sim.base.errors import MbdSimError
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.mechanism.elements.parts import GROUND
 from mbd_sim.studies.kinematic_analysis.picture import require_picture_suffix
@@ -24,6 +25,7 @@ FAR = 2.5  # sizes of the mechanism around it, up to which centers are drawn
 COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#bcbd22")
 
 
+@interruptible()
 def draw_plane_motion(
     path: Path,
     snapshot: PlaneSnapshot,

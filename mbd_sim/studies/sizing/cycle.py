@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mbd_sim.analysis.mechanics.inverse_dynamics import InverseDynamics
 from mbd_sim.base.errors import InputError, listed
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.mechanism.contents import require_two_sided
@@ -165,7 +165,7 @@ class LoadCycle:
         return replace(self, **{name: getattr(self, name)[kept] for name in _ARRAYS})
 
 
-@interruptible_tracing()
+@interruptible()
 def drive_cycles(motion: DrivenMotion, law: MotionLaw | None = None) -> dict[str, LoadCycle]:
     """The loads of all drives of a prescribed motion, by their names.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbd_sim.base.errors import MbdSimError, cause_of
 from mbd_sim.base.geometry.pose import Array
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.studies.kinematic_analysis.picture import RESOLUTION, require_picture_suffix
 from mbd_sim.studies.sizing.cycle import LoadCycle
@@ -21,6 +22,7 @@ NOTHING = 1e-9  # of the peak torque of a motor, up to which it exerts nothing
 SETTINGS = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "mbd_sim"}
 
 
+@interruptible()
 def draw_duty(
     path: str | Path,
     load: LoadCycle,

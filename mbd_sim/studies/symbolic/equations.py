@@ -10,7 +10,7 @@ import casadi as ca
 import sympy as sp
 
 from mbd_sim.base.errors import MbdSimError, listed
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.constraints.start import given_start
 from mbd_sim.dynamics.equations import Equations, derive
@@ -106,7 +106,7 @@ class SymbolicEquations:
         return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.efforts)
 
 
-@interruptible_tracing()
+@interruptible()
 def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = ()) -> SymbolicEquations:
     """Derive the equations of a small mechanism.
 

@@ -17,7 +17,7 @@ import sympy as sp
 
 from mbd_sim.analysis.equilibria.equilibrium import nearest_equilibrium
 from mbd_sim.base.geometry.pose import Array
-from mbd_sim.base.interrupts import interruptible_tracing
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.short_repr import record
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.mechanism.contents import has_one_sided
@@ -98,7 +98,7 @@ class SymbolicLinearization:
     rolling: bool = False
 
 
-@interruptible_tracing()
+@interruptible()
 def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLinearization | None:
     """Linearize the equations of a mechanism about an equilibrium near its start.
 

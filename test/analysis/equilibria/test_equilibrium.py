@@ -268,3 +268,34 @@ def test_random_mechanisms_come_back_to_an_equilibrium_that_was_left_a_little(dr
     weights = np.sqrt(np.diag(equations.constraints.mass_matrix(0.0, found.q)) / mechanism.mass)
     moved = np.linalg.norm(weights * displacement_between(equations, found.q, closing.q))
     assert back.distance <= 1.1 * moved
+
+
+FREE = """
+mechanism: free
+gravity: [0, 0, {gravity}]
+parts: {{a: {{mass: 1, inertia: [1, 1, 1]}}, b: {{shape: {{type: sphere, radius: 0.1, at: [0, 1, 0], mass: 2}}}}}}
+joints:
+  base: {{type: free, between: [ground, a], orientation: {{axis: [1, 2, 3], angle: 50 deg}}}}
+  pin: {{type: revolute, between: [a, b], axis: [1, 0, 0], position: 0.4, stiffness: 3}}
+{more}
+"""
+
+
+@pytest.mark.parametrize(
+    ("gravity", "more", "followed"),
+    [
+        (-9.81, "contacts: {floor: {parts: [b], plane: ground}}", False),
+        (0, "", True),  # the spring turns the parts, and comes to rest
+        (-9.81, "forces: {spring: {type: spring, between: [ground, a], stiffness: 50}}", True),
+        (-9.81, "contacts: {floor: {parts: [b], plane: ground, stiffness: 1e4}}", True),
+    ],
+)
+def test_no_path_is_followed_where_a_free_body_falls(gravity, more, followed):
+    """There is no equilibrium without contacts then, and following the fall of a heap of thirty balls took minutes."""
+    equations = derive(parse_mechanism(FREE.format(gravity=gravity, more=more)))
+    with patch.object(equilibrium, "equilibria_along", side_effect=equilibrium.equilibria_along) as paths:
+        found = nearest_equilibrium(equations)
+        assert (paths.call_count > 0) == followed
+    assert (found is not None) == followed
+    if not followed:
+        assert equilibria(equations) == []

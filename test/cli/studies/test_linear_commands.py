@@ -124,3 +124,26 @@ def test_the_modes_as_a_table(tmp_path):
 def test_entries_of_round_off_are_printed_as_zero():
     found = without_round_off(np.array([[1e-17, 1.0, 2.0], [1e6, 1e-3, 0.5], [1e-16, 1e-16, 1e-16]]))
     assert found.tolist() == [[0.0, 1.0, 2.0], [1e6, 1e-3, 0.5], [1e-16, 1e-16, 1e-16]]
+
+
+@pytest.mark.parametrize(
+    ("spin", "where"),
+    [
+        (0, "the start itself"),
+        (150, "the start, but at rest; for small motions about its motion, give --at start"),
+    ],
+)
+def test_an_equilibrium_at_the_place_of_a_start_that_moves_is_not_called_the_start(tmp_path, capsys, spin, where):
+    """A top that spins upright is stable; it was said that 'the start itself' is unstable."""
+    file = tmp_path / "top.yaml"
+    file.write_text(
+        f"""mechanism: top
+parts: {{top: {{mass: 0.5, shape: {{type: disc, radius: 0.1, at: [0, 0, 0.2]}}}}}}
+joints: {{point: {{type: spherical, between: [ground, top], angular_velocity: [0, 0, {spin}]}}}}
+"""
+    )
+    assert main(["modes", str(file)]) == 0
+    assert f"unstable: motions grow with 6.794 1/s; {where}\n" in capsys.readouterr().out
+    assert main(["modes", str(file), "--at", "start"]) == 0
+    found = capsys.readouterr().out
+    assert ("6.79446 1/s" in found) == (spin == 0) and ("damping ratio 0" in found) == (spin > 0)

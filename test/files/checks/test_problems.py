@@ -25,6 +25,10 @@ IN_JOINT = {
     "max_effort: 3": "Did you mean 'effort_limit'?",
     "max_effort: null": "joints.hip.max_effort: unknown key 'max_effort'. Did you mean 'effort_limit'?",
     "position: 0,5": "joints.hip.5: unknown key '5'. A comma separates entries: write decimals with a point, as in 0.5.",
+    "at: [1, 0, 0]": "unknown key 'at'. Where a joint is, points say: 'between: [ground.point, part.point]'",
+    "limits: [-30 deg, 1]": "(got ['-30 deg', 1]). Write {lower: -30 deg, upper: 1}.",
+    "drive: {velocity: 2}": "A given motion is an expression of the time, in m or rad, such as 'drive: 2*t'.",
+    "q9: 3": "unknown key 'q9'. Valid: axis, between",
     "position 3 deg": "unknown key 'position 3 deg'. A colon is missing: write 'position: 3 deg'.",
 }
 SECTIONS = {
@@ -51,6 +55,17 @@ SECTIONS = {
     "forces: {a: {type: spring, between: [rod, ground], stiffness: 3, l0: 1}}": "unknown key 'l0'. Write 'length'.",
     "contacts: {a: {parts: [rod.tip], plane: ground, mu: 1}}": "unknown key 'mu'. Write 'friction'.",
     "integrator: {dt: 0.01}": "unknown key 'dt'. Write 'step'.",
+    "constraints: {a: {type: gear, between: [hip, hip], radii: [1, 1]}}": "unknown key 'between'. Write 'joints'.",
+    "contacts: {a: {a: rod, b: rod}}": "contacts.a.b: unknown key 'b'. Write 'between: [a, b]', with the names of two parts.",
+    "contacts: {a: {at: rod.tip, on: ground}}": "unknown key 'on'. Write 'plane: ground', or the point of a plane",
+    "contacts: {a: {type: plane, parts: [rod]}}": "A contact has no type: give 'between' two parts, or 'parts' on a 'plane'.",
+    "contacts: {a: {parts: [rod], plane: {normal: [0, 0, 1]}}}": "must be text (got {'normal': [0, 0, 1]}). Write the name of a "
+    "part, or part.point.",
+    "contacts: {a: {parts: [rod.tip], plane: ground, normal: -z}}": "must be a list (got '-z'). Write [0, 0, -1].",
+    "contacts: {a: {type: point, point: rod.tip}}": "contacts.a.point: unknown key 'point'. Write 'parts: [part.point]'",
+    "floor: true": "A floor is an entry of contacts: 'floor: {parts: all, plane: ground}'.",
+    "gravity: 9.81": "must be a list (got 9.81). Write [0, 0, -9.81].",
+    "ground: {shapes: []}": "unknown key 'shapes'. Ground has only points: give the shapes to a part",
     "bodies: {}": "unknown key 'bodies'. Write 'parts'.",
     "solver: rk4": "unknown key 'solver'. Write 'integrator'.",
     "name: first": "name: unknown key 'name'. Write 'mechanism: …', the name of the mechanism.",
@@ -105,3 +120,31 @@ def test_a_section_with_another_name_is_one_problem():
 def test_the_entries_of_a_section_have_names():
     with pytest.raises(MechanismError, match=r"Write each entry with its name: 'rod: {mass: 1}'"):
         parse_mechanism("mechanism: a\nparts: [{name: a}]\njoints: {}\n", "file.yaml")
+
+
+@pytest.mark.parametrize(
+    ("shape", "told"),
+    [
+        (
+            "{type: disc, radius: 1, thickness: 1}",
+            "It has none: what is thick is a 'cylinder', with 'radius' and 'length'.",
+        ),
+        ("{type: cylinder, radius: 1, thickness: 1}", "unknown key 'thickness'. Write 'length'."),
+        ("{type: gearwheel, teeth: 20}", "unknown key 'teeth'. What to write depends on the type."),
+    ],
+)
+def test_a_word_in_a_shape_is_explained_by_what_this_shape_has(shape, told):
+    """Of an unknown type it was explained as a key of one that fits as badly as others: 'teeth' as 'radii'."""
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(
+            FILE.replace("{type: rod, to: [0, 0, 1], mass: 1}", shape).replace("IN_JOINT", "").replace("SECTION", "")
+        )
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize("change", ["at: ['2*r', 0]", "frame: {normal: z}", "point: [tip]"])
+def test_what_is_no_reference_is_not_reported_as_a_wrong_one(change):
+    """Entries that the schema refuses are searched for references too: 'there is no part 2*r' beside the problem."""
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(FILE.replace("IN_JOINT", f", {change}").replace("SECTION", ""), "file.yaml")
+    assert "there is no part" not in str(caught.value)

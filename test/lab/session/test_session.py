@@ -7,6 +7,7 @@ import pytest
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.lab.session.bench import Bench
+from mbd_sim.lab.session.continuation import continue_run
 from mbd_sim.lab.session.own_session import OwnSession
 from mbd_sim.lab.session.session import MOST_REQUESTS
 
@@ -54,6 +55,24 @@ def test_pause_step_and_reset():
     session.ask("run", OwnSession.reset)
     turns(session, clock, 1)
     assert (session.frame.time, session.frame.span) == (0.0, (0.0, 0.0))
+
+
+@pytest.mark.parametrize("go_on", [OwnSession.step, OwnSession.play])
+def test_a_page_that_begins_within_a_run_shows_its_time_and_can_return_there(go_on):
+    begun = Simulation.from_file("four_bar")
+    begun.run(until=0.6)
+    clock = Clock()
+    bench = Bench.of(begun.mechanism)
+    continue_run(bench.simulation, begun, bench.file)
+    session = OwnSession(bench, clock=clock, running=False)
+    turns(session, clock, 1)
+    assert session.frame.span == (begun.time, begun.time)
+    session.ask("run", go_on)
+    turns(session, clock, 5)
+    assert session.frame.span[0] == begun.time < session.frame.span[1]
+    session.ask("back", lambda one: one.wind_to(0.0))
+    turns(session, clock, 1)
+    assert (session.frame.time, session.frame.q.tolist()) == (begun.time, begun.q.tolist())
 
 
 def test_a_run_that_was_wound_back_goes_on_with_the_same_bits():

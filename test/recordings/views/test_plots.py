@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from mbd_sim import Simulation
 from mbd_sim.base.errors import InputError
 from mbd_sim.cli.main import main
 from mbd_sim.cli.shared.common import RUN_PLOTS
@@ -17,7 +18,7 @@ from mbd_sim.cli.shared.common import STYLES as STYLE_OPTIONS
 from mbd_sim.cli.shared.common import THEMES as THEME_OPTIONS
 from mbd_sim.recordings.run.reader import open_recording
 from mbd_sim.recordings.views.panels import STYLES, THEMES, panels, plot_style, require_names
-from mbd_sim.recordings.views.plots import _align_labels
+from mbd_sim.recordings.views.plots import _align_labels, draw
 from mbd_sim.recordings.views.table import read_table
 from test.docs.notebooks import undrawn
 from test.recordings.runs import record_run
@@ -194,3 +195,18 @@ def test_a_full_disk_is_told_in_words_without_numbers_of_errors(recording, tmp_p
     printed = capsys.readouterr().err
     assert "No space left on device" in printed
     assert "Errno" not in printed
+
+
+@pytest.mark.parametrize(
+    ("kept", "title"), [(True, "double_rod: run.mcap, adams11 at 1 ms"), (False, "double_rod, adams11 at 1 ms")]
+)
+def test_a_title_names_no_recording_that_will_be_gone(tmp_path, monkeypatch, kept, title):
+    """Notebooks, and runs without --out, make a recording only for the plot."""
+    path, titles = tmp_path / "run.mcap", []
+    simulation = Simulation.from_file("double_rod")
+    with simulation.recording(path):
+        simulation.run(until=0.02)
+    monkeypatch.setattr(Figure, "suptitle", lambda _, text: titles.append(text))
+    table = read_table(open_recording(path))
+    draw(tmp_path / "run.png", table, panels(table, ["energies"]), kept=kept)
+    assert titles == [title]

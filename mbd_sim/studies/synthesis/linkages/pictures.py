@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.base.errors import MbdSimError
+from mbd_sim.base.interrupts import interruptible
 from mbd_sim.base.packages import require_packages
 from mbd_sim.studies.kinematic_analysis.picture import require_picture_suffix
 from mbd_sim.studies.synthesis.linkages.dyads import Dyad
@@ -19,6 +20,7 @@ FAR = 4.0  # sizes of the poses around them, up to which points are drawn
 BODY, DRIVER, FOLLOWER, CENTERS, POINTS = "#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e"
 
 
+@interruptible()
 def draw_poses(path: Path, found: PoseSolutions, linkage: PoseLinkage | None) -> None:
     """Draw the poses with all dyads, and a linkage in the first pose with the way of its body.
 
