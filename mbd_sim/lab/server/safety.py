@@ -109,7 +109,7 @@ def guarded(gate: Gate) -> Iterator[None]:
         finally:
             websocket_server.serve = original  # type: ignore[misc]
     if not used:
-        raise MbdSimError("This version of viser cannot be guarded. Install another one: pip install 'viser==1.1.1'")
+        raise MbdSimError("This version of viser cannot be guarded", "Install another one: pip install 'viser==1.1.1'")
 
 
 def _throttled(receive: Callable[[], Any]) -> Callable[[], Any]:
