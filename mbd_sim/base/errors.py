@@ -55,26 +55,28 @@ class Problem:
 
 
 class MbdSimError(Exception):
-    """Base class of the errors that this package raises deliberately. Their texts can be printed to any terminal."""
+    """Base class of the errors that this package raises deliberately: what is wrong, and the remedy.
+
+    Their texts can be printed to any terminal.
+    """
+
+    def __init__(self, message: str = "", remedy: str = "") -> None:
+        self.message, self.remedy = message, remedy
 
     def __str__(self) -> str:
-        return printable(super().__str__(), keep="\n")
+        text = f"{self.message}. {self.remedy}" if self.remedy else self.message
+        return printable(text if text.endswith((".", "?")) else f"{text}.", keep="\n")
 
 
 class InputError(MbdSimError, ValueError):
-    """A value that a user gave and that cannot be used: what is wrong with it, and the remedy.
+    """A value that a user gave and that cannot be used, in which names may be of any length.
 
     `value` is the value to show, None where the message says enough.
     """
 
     def __init__(self, message: str, remedy: str = "", value: object = None) -> None:
-        super().__init__(message, remedy, value)
-        self.message, self.remedy, self.value = message, remedy, value
-
-    def __str__(self) -> str:
-        message, remedy = shortened(self.message, MAX_TEXT), shortened(self.remedy, MAX_TEXT)
-        text = f"{message}. {remedy}" if remedy else message
-        return printable(text if text.endswith((".", "?")) else f"{text}.", keep="\n")
+        super().__init__(shortened(message, MAX_TEXT), shortened(remedy, MAX_TEXT))
+        self.value = value
 
 
 class MechanismError(MbdSimError):

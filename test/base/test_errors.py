@@ -1,7 +1,13 @@
 """What errors print: nothing that a terminal would obey."""
 
+import ast
+import pickle
+import re
+from pathlib import Path
+
 import pytest
 
+import mbd_sim
 from mbd_sim import Simulation
 from mbd_sim.base.errors import CommandError, InputError, MechanismError, Problem, counted, printable, require_each_once
 from mbd_sim.files.load import parse_mechanism
@@ -89,3 +95,27 @@ def test_long_names_do_not_make_long_messages(text):
     with pytest.raises(MechanismError) as caught:
         parse_mechanism(text)
     assert len(str(caught.value)) < 10_000
+
+
+GLUED = re.compile(
+    r"[.;] (use|give|choose|leave|change|set|write|restore|call|keep|make|build|request|lower)\b", re.IGNORECASE
+)
+OF_PYTHON = {"TypeError", "NotImplementedError", "OSError", "ImportError", "AttributeError", "ModuleNotFoundError"}
+
+
+def test_remedies_are_not_part_of_messages():
+    """Another text around the message, as that of a command or a file, would separate them."""
+    glued = []
+    for file in Path(mbd_sim.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args:
+                message = ast.unparse(node.exc.args[0])
+                if ast.unparse(node.exc.func) not in OF_PYTHON and GLUED.search(message):
+                    glued.append(f"{file}:{node.lineno}: {message}")
+    assert not glued
+
+
+def test_errors_return_from_other_processes():
+    for error in (InputError("a", remedy="b", value=3), MechanismError([Problem("a", "b")])):
+        again = pickle.loads(pickle.dumps(error))
+        assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))

@@ -172,10 +172,11 @@ class InverseDynamics:
         miss, scale = np.abs(found - u_rates), max(float(np.max(np.abs(u_rates), initial=0.0)), 1.0)
         if not np.max(miss, initial=0.0) <= FEASIBLE * scale:
             worst = int(np.argmax(miss))
-            raise ValueError(
+            raise InputError(
                 f"no efforts at {', '.join(self.actuated) or 'no joint'} give these accelerations: "
                 f"{self.mechanism.coordinate_names[worst]} would have {found[worst]:.6g} instead of "
-                f"{u_rates[worst]:.6g}. Request accelerations that the constraints allow, or actuate more joints."
+                f"{u_rates[worst]:.6g}",
+                "Request accelerations that the constraints allow, or actuate more joints.",
             )
 
 

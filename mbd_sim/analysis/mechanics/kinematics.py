@@ -115,9 +115,10 @@ class Kinematics:
         """
         closing = close_loops(self.constraints, time, self.checked(q), np.ones(self.layout.nv, dtype=bool))
         if not closing.closed:
-            raise ValueError(
+            raise InputError(
                 f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
-                "remains. Give coordinates closer to a closed configuration."
+                "remains",
+                "Give coordinates closer to a closed configuration.",
             )
         return closing.q
 

@@ -198,16 +198,16 @@ class OneSidedMotion:
             one_sided.frictions, guards[layout.gaps :], self._slides(inputs), strict=False
         ):
             if not slides and not guard >= -BARELY:
-                raise ValueError(
-                    f"these accelerations require '{rows[element.rows[0]].name}' to hold more than its friction can. "
-                    "Request others."
+                raise InputError(
+                    f"these accelerations require '{rows[element.rows[0]].name}' to hold more than its friction can",
+                    "Request others.",
                 )
 
     def _error(self, t: float, why: str) -> MbdSimError:
         return MbdSimError(
             f"the motion has no derivatives at {t:.6g} s, because {why}: it changes in one way to one side of this "
-            "state and in another way to the other. Choose a state in which contacts carry a force or are open, and "
-            "friction is below its limit."
+            "state and in another way to the other",
+            "Choose a state in which contacts carry a force or are open, and friction is below its limit.",
         )
 
 

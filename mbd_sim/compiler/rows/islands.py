@@ -13,7 +13,7 @@ def find_islands(n: int, gaps: int, matrix: Array, closed: Array, active: Array,
     :param matrix: (n, n) column by column.
     :param closed: (gaps,) and `active` (n,) are not zero for these rows.
     """
-    rows, count, found, numbers = integers(n), 0, 0, integers(n)
+    rows, count = integers(n), 0
     for i in range(n):
         is_closed = closed[i] != 0.0 if i < gaps else False
         islands[i] = -1
@@ -23,19 +23,26 @@ def find_islands(n: int, gaps: int, matrix: Array, closed: Array, active: Array,
     for j in range(count):
         for i in range(count):
             if matrix[rows[i] + rows[j] * n] != 0.0:
-                unite(islands, count, rows, islands[rows[i]], islands[rows[j]])
-    for i in range(count):
-        if islands[rows[i]] == rows[i]:  # an island is named after its first row until now
-            numbers[rows[i]] = found
-            found += 1
-    for i in range(count):
-        islands[rows[i]] = numbers[islands[rows[i]]]
-    return found
+                unite(n, islands, rows[i], rows[j])
+    return number_islands(n, islands)
 
 
-def unite(islands: Integers, count: int, rows: Integers, one: int, other: int) -> None:
-    """Give the rows of two islands the lower one of their names."""
-    lower, higher = min(one, other), max(one, other)
-    for i in range(count if lower < higher else 0):
-        if islands[rows[i]] == higher:
-            islands[rows[i]] = lower
+def unite(n: int, islands: Integers, i: int, j: int) -> None:
+    """Let two rows belong to one island, which is named after its first row until islands are numbered."""
+    lower, higher = min(islands[i], islands[j]), max(islands[i], islands[j])
+    for k in range(n if lower < higher else 0):
+        if islands[k] == higher:
+            islands[k] = lower
+
+
+def number_islands(n: int, islands: Integers) -> int:
+    """Number islands from 0 on, in the order of their first rows; how many there are. Rows at -1 belong to none."""
+    count, numbers = 0, integers(n)
+    for i in range(n):
+        if islands[i] == i:
+            numbers[i] = count
+            count += 1
+    for i in range(n):
+        if islands[i] >= 0:
+            islands[i] = numbers[islands[i]]
+    return count

@@ -16,8 +16,7 @@ from mbd_sim.files.mjcf.compiled_model import CompiledModel
 from mbd_sim.files.mjcf.contacts import add_contacts
 from mbd_sim.files.mjcf.couplings import add_equalities, add_tendon, tendon_of
 from mbd_sim.files.mjcf.forces import Actuators, add_armature, add_gravity_compensation, add_joint_forces
-from mbd_sim.files.mjcf.keyframes import add_start
-from mbd_sim.files.mjcf.parts import ModelParts
+from mbd_sim.files.mjcf.parts import BALL, FREE, ModelParts
 from mbd_sim.files.mjcf.sensors import add_sensors
 from mbd_sim.files.text.library import file_error
 from mbd_sim.files.text.xml import rows
@@ -25,6 +24,8 @@ from mbd_sim.mechanism.values.names import accepted_names
 from mbd_sim.mechanism.values.source import Source
 
 TIME_STEP = 0.002  # s, unless the model gives another one
+GRAVITY = [0.0, 0.0, -9.81]
+START = "start"  # the name of a keyframe, which exported files have: the start values of the joints
 UNUSED = {
     "flex": "flexes, which have masses but no stiffness here",
     "skin": "skins, which are only seen",
@@ -62,9 +63,6 @@ def _note_options(model: CompiledModel) -> None:
         model.reading.leave_out("forces of the medium", f"wind {option.wind}")
 
 
-GRAVITY = [0.0, 0.0, -9.81]
-
-
 def mjcf_source(text: str, file: str) -> Source:
     """An MJCF as the source of a mechanism file, with the origins of its values.
 
@@ -81,7 +79,7 @@ def mjcf_source(text: str, file: str) -> Source:
     add_gravity_compensation(parts)
     for tendon in tendons:
         add_tendon(parts, tendon)
-    add_start(parts)
+    _add_start(parts)
     loops = len(parts.sections["joints"])
     add_equalities(parts, tendons)
     if len(parts.sections["joints"]) > loops or "constraints" in parts.sections:
@@ -91,6 +89,35 @@ def mjcf_source(text: str, file: str) -> Source:
     add_sensors(parts)
     note_left_out(model)
     return _source(model, parts)
+
+
+def _add_start(parts: ModelParts) -> None:
+    """Take the positions and velocities of the keyframe `START`; note the others, and what else it has."""
+    model, m = parts.model, parts.model.m
+    for index in range(m.nkey):
+        if model.name("key", index) != START:
+            model.leave_out(f"keyframes: the start is the pose of the file, or the keyframe '{START}'", "key", index)
+            continue
+        if np.any(m.key_ctrl[index]) or np.any(m.key_act[index]):
+            model.leave_out("controls and activations of keyframes", "key", index)
+        for joint in range(m.njnt):
+            position, speed = int(m.jnt_qposadr[joint]), int(m.jnt_dofadr[joint])
+            record = parts.sections["joints"][parts.joints[joint]]
+            record |= _start_values(int(m.jnt_type[joint]), m.key_qpos[index][position:], m.key_qvel[index][speed:])
+
+
+def _start_values(kind: int, qpos: Any, qvel: Any) -> dict[str, Any]:
+    """The start values of a joint, from those of the keyframe that begin with its own."""
+    values: dict[str, Any]
+    speeds: dict[str, Any]
+    if kind == FREE:
+        values = {"position": rows(qpos[:3]), "orientation": {"quaternion": rows(qpos[3:7])}}
+        speeds = {"velocity": rows(qvel[:3]), "angular_velocity": rows(qvel[3:6])}
+    elif kind == BALL:
+        values, speeds = {"orientation": {"quaternion": rows(qpos[:4])}}, {"angular_velocity": rows(qvel[:3])}
+    else:
+        values, speeds = {"position": float(qpos[0])}, {"velocity": float(qvel[0])}
+    return values | {key: value for key, value in speeds.items() if np.any(value)}
 
 
 def _let_assembly_move(joints: dict[str, Any]) -> None:

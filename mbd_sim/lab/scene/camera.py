@@ -14,7 +14,7 @@ from mbd_sim.pictures.shapes.extent import Extent
 
 FOV = math.radians(30.0)  # of the height of the window
 FILLED = 0.8  # of the free part of the window
-PHONE = 576  # px of width from which viser puts the panel beside the picture and no longer into a sheet below it
+PHONE = 576  # px of width of the window from which viser puts the panel beside the picture, not in a sheet below it
 FREE_ON_A_PHONE = 0.55  # of the height, above the sheet
 FIRST_VIEWS = 5  # that are corrected
 ASPECT = 1.5  # where the window is not known
@@ -34,7 +34,7 @@ def aim(camera: Any, extent: Extent, aspect: float = ASPECT, width: float = math
     up = np.cross(toward, right)
     half = 0.5 * np.maximum(extent.upper - extent.lower, 0.2 * extent.size)
     corners = half * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    free = FREE_ON_A_PHONE if width < PHONE else 1.0
+    free = FREE_ON_A_PHONE if width < PHONE and aspect < 1.0 else 1.0  # a wide picture has the panel beside it
     slope = math.tan(0.5 * FOV)
     reach = np.maximum(abs(corners @ right) / aspect, abs(corners @ up) / free) / (FILLED * slope)
     distance = float(np.max(reach + corners @ toward))

@@ -10,8 +10,7 @@ import numpy as np
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.lab.scene.camera import aim
 from mbd_sim.lab.scene.scene import Scene
-from mbd_sim.lab.server.safety import Gate
-from mbd_sim.lab.server.server import started, stop
+from mbd_sim.lab.server.server import Gate, started, stop
 from mbd_sim.lab.session.frames import Frame
 from mbd_sim.mechanism.mechanism import Mechanism
 from mbd_sim.pictures.shapes.extent import extent_of

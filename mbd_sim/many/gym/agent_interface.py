@@ -195,9 +195,10 @@ def _action_space(names: Sequence[str], bounds: NDArray[np.float32]) -> spaces.B
     :raises ValueError: a bound is infinite.
     """
     if unlimited := [name for name, pair in zip(names, bounds, strict=True) if not np.all(np.isfinite(pair))]:
-        raise ValueError(
-            f"the effort or command of {listed(unlimited)} has no limit. Give joints an 'effort_limit' and motors "
-            "their limits, or the environment 'effort_limits' or 'command_limits'."
+        raise InputError(
+            f"the effort or command of {listed(unlimited)} has no limit",
+            "Give joints an 'effort_limit' and motors their limits, or the environment 'effort_limits' or "
+            "'command_limits'.",
         )
     return spaces.Box(*bounds.T, dtype=np.float32)
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import DivergedError
+from mbd_sim.base.errors import DivergedError, InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.files.load import load_mechanism
@@ -96,7 +96,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         """
         record = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
         if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"there is no render mode '{render_mode}'. Use 'rgb_array' or None.")
+            raise InputError(f"there is no render mode '{render_mode}'", "Use 'rgb_array' or None.")
         require_episodes(start, start_noise, frame_skip, horizon)
         for size in render_size:
             positive_count(size, "a size of frames in pixels")

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.files.load import load_mechanism
@@ -114,7 +115,7 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
         given = self.start | (options or {})
         mask = np.asarray(given.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
-            raise ValueError(f"reset_mask is {mask.dtype} {mask.shape}. Give one True or False for each environment.")
+            raise InputError(f"reset_mask is {mask.dtype} {mask.shape}", "Give one True or False for each environment.")
         self._seed(seed)
         self._begin(np.flatnonzero(mask), given)
         self._ended[mask] = False
@@ -185,7 +186,7 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
         if seeds is None:
             seeds = [None] * self.num_envs
         if len(seeds) != self.num_envs:
-            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments. Give one for each.")
+            raise InputError(f"{len(seeds)} seeds for {self.num_envs} environments", "Give one for each.")
         for member, one in enumerate(seeds):
             if member == len(self._generators):
                 self._generators.append(seeding.np_random(one)[0])
@@ -198,9 +199,9 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
     def _one_each(self, name: str, values: Any, kind: type) -> NDArray[Any]:
         found: NDArray[Any] = np.array(values, dtype=kind)
         if found.shape != (self.num_envs,):
-            raise ValueError(
-                f"{name} returned the shape {found.shape} for {self.num_envs} environments. Compute it from arrays, "
-                "such as members.q[:, 0]."
+            raise InputError(
+                f"{name} returned the shape {found.shape} for {self.num_envs} environments",
+                "Compute it from arrays, such as members.q[:, 0].",
             )
         return found
 
@@ -222,7 +223,7 @@ def _require_independent(members: Ensemble, frame_skip: int) -> None:
     if reason is None and frame_skip % every:
         reason = f"servos sample at every multiple of {every} steps, and frame_skip is {frame_skip}"
     if reason is not None:
-        raise ValueError(
-            f"these environments cannot start their episodes independently, because {reason}. "
-            "Use gymnasium.make_vec(…, vectorization_mode='sync')."
+        raise InputError(
+            f"these environments cannot start their episodes independently, because {reason}",
+            "Use gymnasium.make_vec(…, vectorization_mode='sync').",
         )

@@ -154,7 +154,9 @@ def _random(name: str, distribution: str, numbers: list[float], text: str) -> Ra
         known = listed(list(_DISTRIBUTIONS))
         raise CommandError(f"{text}: there is no distribution '{distribution}'", f"Valid: {known}.")
     if len(numbers) != 2:
-        raise CommandError(f"{text}: write {distribution}({_DISTRIBUTIONS[distribution][0]})")
+        raise CommandError(
+            f"{text}: a distribution has two numbers", f"Write {distribution}({_DISTRIBUTIONS[distribution][0]})."
+        )
     first, second = numbers
     if not np.all(np.isfinite(numbers)):
         raise CommandError(f"{text}: the numbers of a distribution must be finite")
@@ -283,8 +285,9 @@ def named_quantities(mechanism: Mechanism, names: Sequence[str]) -> dict[str, Qu
     for name in names:
         if name not in known:
             raise MbdSimError(
-                f"there is no quantity '{name}'. {nearest(name, known)} Quantities are positions.…, velocities.…, "
-                "energies.…, losses.…, drives.…, reactions.…, points.… and events.…."
+                f"there is no quantity '{name}'",
+                f"{nearest(name, known)} Quantities are positions.…, velocities.…, "
+                "energies.…, losses.…, drives.…, reactions.…, points.… and events.….",
             )
     return {name: known[name] for name in names}
 

@@ -252,7 +252,7 @@ def require_column(table_columns: Sequence[str], name: str) -> None:
     :raises MbdSimError: with the nearest name.
     """
     if name not in table_columns:
-        raise MbdSimError(f"there is no result '{name}'. {nearest(name, table_columns)}")
+        raise MbdSimError(f"there is no result '{name}'", nearest(name, table_columns))
 
 
 @interruptible()

@@ -278,9 +278,9 @@ def bearing(at: Array) -> list[SheetPath]:
     return [*spokes, SheetPath(arc(at, 10.5), fill=STEEL, width=1.2, closed=True, layer=BACK)]
 
 
-def pin(at: Array, layer: int = FRONT, depth: float = 0.0) -> list[SheetPath]:
+def pin(at: Array) -> list[SheetPath]:
     """A pin seen along its axis."""
-    return [SheetPath(arc(at, PIN), edge=INK, fill=WHITE, width=1.3, closed=True, layer=layer, depth=depth)]
+    return [SheetPath(arc(at, PIN), edge=INK, fill=WHITE, width=1.3, closed=True, layer=FRONT)]
 
 
 def ball(at: Array, away: Array, depth: float, layer: int) -> list[SheetPath]:

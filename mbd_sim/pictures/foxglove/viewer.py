@@ -38,6 +38,6 @@ def checked_port(port: str) -> str:
     if port.isdecimal() and int(port) <= LARGEST_PORT:
         return port
     raise UnknownSinkError(
-        f"there is no port '{port}' for Foxglove. Give a whole number up to {LARGEST_PORT}, such as {DEFAULT_PORT}; 0 "
-        "is any that is free."
+        f"there is no port '{port}' for Foxglove",
+        f"Give a whole number up to {LARGEST_PORT}, such as {DEFAULT_PORT}; 0 is any that is free.",
     )

@@ -161,7 +161,7 @@ def checked_sink(sink: str) -> str:
     if sink in ("spawn", "serve", "connect") or sink.endswith(".rrd") or sink.partition("connect:")[2]:
         return sink
     remedy = f" To write a file, use '{sink}.rrd'." if sink and ":" not in sink else ""
-    raise UnknownSinkError(f"there is no viewer sink '{sink}'. Use {VALID}.{remedy}")
+    raise UnknownSinkError(f"there is no viewer sink '{sink}'", f"Use {VALID}.{remedy}")
 
 
 def is_live(sink: str) -> bool:

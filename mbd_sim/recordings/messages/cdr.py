@@ -149,10 +149,7 @@ RUN_METADATA = "mbd_sim"  # name of the metadata record of a run recorded by sim
 
 
 class ReadingError(MbdSimError):
-    """A recording that cannot be read at all, and the remedy if there is one."""
-
-    def __init__(self, message: str, remedy: str = "") -> None:
-        super().__init__(f"{message}. {remedy}" if remedy else message)
+    """A recording that cannot be read at all."""
 
 
 class DamagedError(ReadingError):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import assert_never
 
-from mbd_sim.base.errors import CommandError, listed
+from mbd_sim.base.errors import CommandError, InputError, listed
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.files.checks.override import with_values
 from mbd_sim.files.load import parse_mechanism
@@ -193,8 +193,8 @@ class Recomputation:
             different += [f"'{name}' is missing" for name in sorted(own - others)]
             raise RecomputeError(
                 f"{self.file.path}: the change gives the mechanism other coordinates ({listed(different)}), so the "
-                "commands and states of the recording do not fit. Change values that keep the coordinates, or run the "
-                "changed mechanism with 'mbd_sim run'."
+                "commands and states of the recording do not fit",
+                "Change values that keep the coordinates, or run the changed mechanism with 'mbd_sim run'.",
             )
         return changed
 
@@ -227,9 +227,10 @@ class Recomputation:
         """
         simulation, values = self.simulation, self.simulation.model.input_layout.values
         if len(y) != simulation.y.size and simulation.mechanism.actuators:
-            raise ValueError(
+            raise InputError(
                 "with this change the delayed commands of actuators wait for another number of steps, or servos have "
-                "other states, so that the run cannot continue from its middle; keep the step, and which gains are zero"
+                "other states, so that the run cannot continue from its middle",
+                "Keep the step, and which gains are zero.",
             )
         inputs = simulation.inputs.copy()
         if recorded is not None:

@@ -107,7 +107,7 @@ def loaded_mechanism(parameters: NodeParameters) -> Mechanism:
     """
     for name, words in (("base", get_args(Base)), ("limits", ("stops",)), ("control", INTERFACES)):
         if parameters[name] not in ("", *words):
-            raise ValueError(f"{name}: '{parameters[name]}' is not one of {', '.join(words)}. Or leave it empty.")
+            raise InputError(f"{name}: '{parameters[name]}' is not one of {', '.join(words)}", "Or leave it empty.")
     return load_mechanism(
         parameters["mechanism"],
         parameters["base"] or None,
@@ -125,7 +125,7 @@ def _with_seed(mechanism: Mechanism, seed: int) -> Mechanism:
     if seed < 0:
         return mechanism
     if not mechanism.sensors:
-        raise ValueError(f"sensor_seed: {mechanism.name} has no sensors. Leave the parameter out.")
+        raise InputError(f"sensor_seed: {mechanism.name} has no sensors", "Leave the parameter out.")
     return with_values(mechanism, {"sensor_seed": seed})
 
 
@@ -248,9 +248,9 @@ def node_ring(
     """
     seconds, when, after = (parameters[f"record_{name}"] for name in ("last", "when", "after"))
     if (when or after) and not seconds:
-        raise ValueError("record_when, record_after: no last seconds are kept. Give record_last too.")
+        raise InputError("record_when, record_after: no last seconds are kept", "Give record_last too.")
     if after and not when:
-        raise ValueError("record_after: there is no event. Give record_when too.")
+        raise InputError("record_after: there is no event", "Give record_when too.")
     if not seconds:
         return None
     simulation = stepping_thread.simulation

@@ -14,7 +14,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from mbd_sim.base.errors import CommandError, counted, listed
+from mbd_sim.base.errors import CommandError, InputError, counted, listed
 from mbd_sim.recordings.messages.definitions import topic_names
 from mbd_sim.recordings.messages.events import rate_remark
 from mbd_sim.recordings.messages.states import Due
@@ -74,12 +74,12 @@ def members(text: str) -> list[Member]:
         namespace, equals, mechanism = (part.strip() for part in entry.partition("="))
         member = Member(namespace, mechanism if equals else namespace)
         if (equals and not mechanism) or topic_names([namespace])[namespace] != namespace:
-            raise ValueError(
-                f"mechanisms: '{entry}' gives no valid namespace and mechanism. "
-                "Write NAMESPACE=MECHANISM, with letters, digits and underscores in the namespace."
+            raise InputError(
+                f"mechanisms: '{entry}' gives no valid namespace and mechanism",
+                "Write NAMESPACE=MECHANISM, with letters, digits and underscores in the namespace.",
             )
         if namespace in [other.namespace for other in found]:
-            raise ValueError(f"mechanisms: the namespace '{namespace}' is given twice. Write NAMESPACE=MECHANISM.")
+            raise InputError(f"mechanisms: the namespace '{namespace}' is given twice", "Write NAMESPACE=MECHANISM.")
         found.append(member)
     return found
 

@@ -19,7 +19,7 @@ from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
-from mbd_sim.base.errors import counted, listed
+from mbd_sim.base.errors import InputError, counted, listed
 from mbd_sim.recordings.messages.cdr import Message, RecordedTopic
 from mbd_sim.recordings.run.reader import Recording, open_recording
 from mbd_sim.ros.node.parameters import NodeParameters, ParameterSpec, program_help
@@ -150,7 +150,7 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
         parameters = self.parameters = NodeParameters(self, PARAMETERS, self._on_parameter_change)
         unknown = parameters.finish()
         if not parameters["bag"]:
-            raise ValueError("no recording is given. Give one: --ros-args -p bag:=RUN.mcap")
+            raise InputError("no recording is given", "Give one: --ros-args -p bag:=RUN.mcap")
         self.recording = open_recording(parameters["bag"])
         self.output = ReplayPublishers(self, self.recording, self._warn, end)
         self.player = Player(

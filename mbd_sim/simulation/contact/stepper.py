@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import DivergedError, InputError, listed, quoted
+from mbd_sim.base.errors import DivergedError, InputError, Problem, listed, quoted
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import added
 from mbd_sim.simulation.contact.candidates import RESTING, Forced, ModeFinder
@@ -25,12 +25,13 @@ from mbd_sim.simulation.contact.records import ContactChange, ContactEvent, Cont
 from mbd_sim.simulation.contact.slow_slip import end_slips, slips_to_end
 
 EVENTS_KEPT = 10_000
-NO_FORCES = (
-    "no contact forces are possible ({}): the mechanism jams, or slides with too much friction (Painlevé's paradox). "
-    "Reduce the friction, make the contacts compliant, or choose time stepping with method moreau."
+NO_FORCES = Problem(
+    "no contact forces are possible ({}): the mechanism jams, or slides with too much friction (Painlevé's paradox)",
+    "Reduce the friction, make the contacts compliant, or choose time stepping with method moreau.",
 )
-NO_IMPULSES = (
-    "no impulses satisfy the laws of impact and friction ({}). Reduce the friction, or make the contacts compliant."
+NO_IMPULSES = Problem(
+    "no impulses satisfy the laws of impact and friction ({})",
+    "Reduce the friction, or make the contacts compliant.",
 )
 
 
@@ -201,20 +202,21 @@ class OneSidedStepper:
             except NoSolutionError as error:
                 raise self._unsolved(time, y, inputs, touching, NO_FORCES) from error
 
-    def _unsolved(self, time: float, y: Array, inputs: Array, touching: Mask, law: str) -> EventError:
+    def _unsolved(self, time: float, y: Array, inputs: Array, touching: Mask, law: Problem) -> EventError:
         """The error of contacts without a solution: they jam by drives or the time alone, or by too much friction."""
         if not self._jams(time, y, inputs, touching, law):
-            return EventError(f"at {time:.9g} s {law.format(self._names(touching))}")
+            return EventError(f"at {time:.9g} s {law.message.format(self._names(touching))}", law.remedy)
         drives = self._moving_drives(time, y, inputs)
         by = f"the {'drive' if len(drives) == 1 else 'drives'} of {', '.join(drives)}" if drives else "the time"
         gaps = "gaps of {} are" if np.sum(touching) > 1 else "gap of {} is"
         return EventError(
             f"at {time:.9g} s the {gaps.format(self._names(touching))} closed by {by} alone, and no contact force can "
-            "stop that motion. Change it so that the gap stays open, or let a part yield: with a spring in place of a "
-            "driven joint, or a compliant contact."
+            "stop that motion",
+            "Change it so that the gap stays open, or let a part yield: with a spring in place of a driven joint, or "
+            "a compliant contact.",
         )
 
-    def _jams(self, time: float, y: Array, inputs: Array, touching: Mask, law: str) -> bool:
+    def _jams(self, time: float, y: Array, inputs: Array, touching: Mask, law: Problem) -> bool:
         """Whether touching contacts have no solution without friction either, or one that divides by round-off."""
         model, rows = self._model, [int(gap) for gap in np.flatnonzero(touching)]
         terms = model.terms(time, y, inputs)

@@ -11,7 +11,7 @@ from typing import ClassVar, NoReturn, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.base.errors import DivergedError, counted
+from mbd_sim.base.errors import DivergedError, InputError, counted
 from mbd_sim.base.geometry.arrays import require_finite
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.operating_system import processors
@@ -213,11 +213,12 @@ class Ensemble(ReadOnlyAttributes):
         :raises DivergedError: see `reset`.
         """
         if (reason := self._time_dependence) is not None:
-            raise ValueError(f"members cannot start again by themselves, because {reason}. Use reset().")
+            raise InputError(f"members cannot start again by themselves, because {reason}", "Use reset().")
         if self.steps % (every := self._sampling_steps):
-            raise ValueError(
+            raise InputError(
                 f"members cannot start again at step {self.steps}, because servos sample at every multiple of {every} "
-                f"steps. Restart them at such a step, or use reset()."
+                "steps",
+                "Restart them at such a step, or use reset().",
             )
         some = member_numbers(members, len(self))
         if not some.size:
@@ -471,7 +472,7 @@ class Ensemble(ReadOnlyAttributes):
         """
         if len(observers) != len(self):
             counts = f"{counted(len(observers), 'observer')} for {counted(len(self), 'member')}"
-            raise ValueError(f"{counts}. Give one for each.")
+            raise InputError(counts, "Give one for each.")
         self._require_rest()
         for stepper, observer in zip(self._steppers, observers, strict=False):
             stepper.observer = observer

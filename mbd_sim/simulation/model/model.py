@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.base import disk_cache
 from mbd_sim.base.disk_cache import cached
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.base.geometry.rotation import rotation_vector, unit
 from mbd_sim.base.interrupts import interruptible
@@ -201,9 +202,10 @@ class Model:
             constraints = constraints.with_values(values)
         closing = close_loops(constraints, 0.0, q, np.ones(self.layout.nv, dtype=bool))
         if not closing.closed:
-            raise ValueError(
+            raise InputError(
                 f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
-                "remains. Give coordinates closer to a closed configuration."
+                "remains",
+                "Give coordinates closer to a closed configuration.",
             )
         return closing.q, nearest_speeds(constraints, 0.0, closing.q, u)
 
@@ -218,7 +220,7 @@ class Model:
         """
         for joint, start in self.quaternions.items():
             if not np.any(y[start : start + 4]):
-                raise ValueError(f"the quaternion of joint '{joint}' is zero. Give a nonzero one.")
+                raise InputError(f"the quaternion of joint '{joint}' is zero", "Give a nonzero one.")
             y[start : start + 4] = unit(y[start : start + 4])
 
     def coordinates(self, y: Array) -> Array:

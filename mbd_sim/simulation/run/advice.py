@@ -167,10 +167,10 @@ def divergence(
     :param closed: the contacts that are closed at this time, and the drives that are `moving`.
     :param undefined: an expression without a finite value there, see `undefined_expression`.
     """
-    head = f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s."
+    head = f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s"
     if undefined is not None:
         also = f" Another possible cause: {advice}" if advice and undefined.error_estimate > TOLERATED else ""
-        return DivergedError(f"{head} {undefined.problem}{also}")
+        return DivergedError(f"{head}. {undefined.problem}{also}")
     remedy = advice or f"Use a smaller step than {step:g} s."
     causes = "efforts, stiffnesses, initial values and drives"
     if model.row_names:
@@ -179,7 +179,7 @@ def divergence(
         by = f"the {'drive' if len(moving) == 1 else 'drives'} of {', '.join(moving)}" if moving else "drives"
         press = "presses" if len(moving) == 1 else "press"
         causes += f", and whether these closed contacts leave room for what {by} {press} on them: {', '.join(closed)}"
-    return DivergedError(f"{head} {remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}.")
+    return DivergedError(head, f"{remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}.")
 
 
 def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:

@@ -93,9 +93,9 @@ def step_at(time: float, size: float, steps: int = 0) -> int:
     if time / size > LARGEST:
         raise ValueError(f"cannot run until t = {time:g} s: the number of steps cannot be larger than {LARGEST}.")
     if (last := round(time / size)) < steps:
-        raise ValueError(
-            f"cannot run until t = {time:g} s: the time is already {steps * size:g} s. "
-            "Give a later time, or call reset() first."
+        raise InputError(
+            f"cannot run until t = {time:g} s: the time is already {steps * size:g} s",
+            "Give a later time, or call reset() first.",
         )
     return last
 
@@ -158,7 +158,7 @@ def changed_values(
             message, remedy = f"there is no parameter '{name}'", nearest(name, mechanism.parameters)
             raise MechanismError([mechanism.source.problem(("parameters",), message, remedy)])
         if name in values or f"parameters.{name}" in values:
-            raise ValueError(f"the parameter '{name}' is given in `set` and in `parameters`. Give it once.")
+            raise InputError(f"the parameter '{name}' is given in `set` and in `parameters`", "Give it once.")
     return {**values, **{f"parameters.{name}": value for name, value in parameters.items()}}
 
 
@@ -186,10 +186,11 @@ class ReadOnlyView(np.ndarray[Any, np.dtype[np.float64]]):
 
     def _require_writable(self) -> None:
         if not self.flags.writeable:
-            raise ValueError(
-                "this array is read-only: it shows numbers of a running simulation. Call reset(q=…, u=…) to start "
-                "from other coordinates or speeds, restore(…) to continue from a snapshot, set_efforts(…), "
-                "set_wrench(…) or set_live(…) to change the inputs, or copy() to compute with the numbers."
+            raise InputError(
+                "this array is read-only: it shows numbers of a running simulation",
+                "Call reset(q=…, u=…) to start from other coordinates or speeds, restore(…) to continue from a "
+                "snapshot, set_efforts(…), set_wrench(…) or set_live(…) to change the inputs, or copy() to compute "
+                "with the numbers.",
             )
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim.base.errors import CommandError, listed, nearest
+from mbd_sim.base.errors import CommandError, InputError, listed, nearest
 from mbd_sim.base.geometry.arrays import finite_vector
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.linear_algebra import product
@@ -314,9 +314,9 @@ def checked_steps(steps: int | None) -> int:
     :raises ValueError: they are missing or negative.
     """
     if steps is None:
-        raise ValueError(
-            "the time of the state is missing: also give the number of steps, restore(state, steps=…), or restore "
-            "a snapshot()."
+        raise InputError(
+            "the time of the state is missing",
+            "Also give the number of steps, restore(state, steps=…), or restore a snapshot().",
         )
     if index(steps) < 0:
         raise ValueError(f"the number of steps must be 0 or more, not {steps}.")

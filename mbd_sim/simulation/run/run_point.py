@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.base.errors import InputError
 from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.geometry.rotation import of_vector
 from mbd_sim.base.short_repr import record
@@ -102,15 +103,16 @@ def require_same_layout(given: RunLayout | None, own: RunLayout) -> None:
     :raises ValueError: it names the difference.
     """
     if given is None:
-        raise ValueError(
-            "it is not known which run this state belongs to. Restore its numbers: restore(point.state, …)."
+        raise InputError(
+            "it is not known which run this state belongs to",
+            "Restore its numbers: restore(point.state, …).",
         )
     pairs = [(words, getattr(given, name), getattr(own, name)) for name, words in _NAMES.items()]
     different = [f"{words}: {one!r} instead of {other!r}" for words, one, other in pairs if one != other]
     if different:
-        raise ValueError(
-            f"this snapshot belongs to another run ({'; '.join(different)}). Build this one in the same way, or "
-            "restore only what fits: restore(snapshot.state, steps=…)."
+        raise InputError(
+            f"this snapshot belongs to another run ({'; '.join(different)})",
+            "Build this one in the same way, or restore only what fits: restore(snapshot.state, steps=…).",
         )
 
 

@@ -146,7 +146,7 @@ def _apply(algebra: Algebra, operation: int, values: list[Polynomial]) -> Polyno
             base = x if exponent >= 0 else algebra.inverse(x, written)
             return algebra.power(base, abs(exponent))
     if operation not in _FUNCTIONS:
-        raise MbdSimError(f"CasADi's operation {operation} has no formula. Report it with the mechanism file.")
+        raise MbdSimError(f"CasADi's operation {operation} has no formula", "Report it with the mechanism file.")
     result = _FUNCTIONS[operation](*(written(value) for value in values))
     if result.is_Rational:
         return {(): Fraction(int(result.p), int(result.q))} if result else {}

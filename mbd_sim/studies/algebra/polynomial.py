@@ -351,6 +351,6 @@ MAX_TOTAL_OPERATIONS = 1500  # of all entries after simplification
 def too_large(mechanism: Mechanism, why: str) -> MbdSimError:
     """The error that equations are too long."""
     return MbdSimError(
-        f"{mechanism.name}: the equations of motion are too long to read: {why}. Use a smaller mechanism, or make "
-        "some of its joints fixed or driven."
+        f"{mechanism.name}: the equations of motion are too long to read: {why}",
+        "Use a smaller mechanism, or make some of its joints fixed or driven.",
     )

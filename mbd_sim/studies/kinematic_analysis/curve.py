@@ -200,8 +200,8 @@ def _steps(line: DriveLine, first: CurvePoint, limits: tuple[float, float], thro
             length *= 0.5
             if length < SHORTEST:
                 raise MbdSimError(
-                    f"{line.system.mechanism.name}: the motion cannot be followed beyond {line.described(point.s)}. "
-                    "Choose another range."
+                    f"{line.system.mechanism.name}: the motion cannot be followed beyond {line.described(point.s)}",
+                    "Choose another range.",
                 )
             continue
         if (end := _end(point, following, limits)) is not None:
@@ -362,14 +362,17 @@ def require_reached(system: KinematicSystem, line: DriveLine, curve: TracedCurve
     if not curve.singular and curve.points[-1].s == 1.0:
         return
     if not curve.singular:
-        raise UnreachableError(f"{system.mechanism.name}: the end of the range cannot be reached. Give a shorter one.")
+        raise UnreachableError(
+            f"{system.mechanism.name}: the end of the range cannot be reached", "Give a shorter one."
+        )
     point = curve.singular[-1][1]
-    text = f"{system.mechanism.name}: the drive cannot go on at the {point.kind} at {_where(system, line, point.s)}."
-    if len(system.drives) == 1:
-        text += " " + _interval(system)
+    text = f"{system.mechanism.name}: the drive cannot go on at the {point.kind} at {_where(system, line, point.s)}"
+    if len(system.drives) == 1 and (interval := _interval(system)):
+        text += f". {interval.removesuffix('.')}"
     raise UnreachableError(
-        f"{text} Give a range within, or follow the motion through such points with --through-dead-points "
-        '(dead_points="follow").'
+        text,
+        "Give a range within, or follow the motion through such points with --through-dead-points "
+        '(dead_points="follow").',
     )
 
 

@@ -102,7 +102,7 @@ def fit(
                 return shared, present
             break
         damping *= 10.0
-    raise MbdSimError("the search for the parameters did not converge. Use better guesses, or shorter intervals.")
+    raise MbdSimError("the search for the parameters did not converge", "Use better guesses, or shorter intervals.")
 
 
 def solve(parts: Sequence[LinearizedResiduals], damping: float) -> Step:
@@ -336,8 +336,8 @@ def _require_valid(mechanism: Mechanism, estimates: Mapping[str, ParameterEstima
     except MechanismError as error:
         found = [f"{key} = {one.value:.6g} (from {one.lower:.6g} to {one.upper:.6g})" for key, one in estimates.items()]
         raise MbdSimError(
-            f"The measurements are fitted best by {', '.join(found)}, which the file refuses: {error} "
-            "Leave out what cannot be determined, with a valid value in the file, or measure longer."
+            f"The measurements are fitted best by {', '.join(found)}, which the file refuses: {str(error)[:-1]}",
+            "Leave out what cannot be determined, with a valid value in the file, or measure longer.",
         ) from error
 
 
@@ -349,7 +349,7 @@ def _covariance(parts: Sequence[LinearizedResiduals], keys: Sequence[str]) -> Ar
     without_effect = np.all([np.all(part.by_shared == 0.0, axis=0) for part in parts], axis=0)
     if np.any(without_effect):
         names = listed([key for key, none in zip(keys, without_effect, strict=True) if none])
-        raise MbdSimError(f"The measurements do not depend on {names}. Leave this out, or measure another motion.")
+        raise MbdSimError(f"The measurements do not depend on {names}", "Leave this out, or measure another motion.")
     sizes = column_sizes(parts)
     scaled = np.vstack([one.by_shared for one in eliminated_parts(parts)]) / sizes
     missing = max(len(keys) - len(scaled), 0)  # rows, if there are fewer measurements than parameters
@@ -359,7 +359,8 @@ def _covariance(parts: Sequence[LinearizedResiduals], keys: Sequence[str]) -> Ar
         names = listed([key for key, part in zip(keys, share, strict=True) if part > TOGETHER * np.max(share)])
         raise MbdSimError(
             f"The measurements do not determine the parameters: {names} can change together without changing the "
-            "motion. Leave one of them out, or measure a motion with known efforts."
+            "motion",
+            "Leave one of them out, or measure a motion with known efforts.",
         )
     inverse = np.linalg.inv(scaled.T @ scaled)
     return np.asarray(inverse / np.outer(sizes, sizes))

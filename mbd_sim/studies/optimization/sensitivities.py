@@ -223,7 +223,9 @@ class SensitivityModel:
             if not memory.advance(before, self.step, after - before):
                 times = f"between t = {t0 + before * self.step:g} s and {t0 + after * self.step:g} s"
                 name = self.functions.mechanism.name
-                raise DivergedError(f"{name}: the state or its derivatives became infinite {times}. Use smaller steps.")
+                raise DivergedError(
+                    f"{name}: the state or its derivatives became infinite {times}", "Use smaller steps."
+                )
             if after == results[row]:
                 found[row] = memory.z
                 row += 1

@@ -286,12 +286,14 @@ def _with_formulas(mechanism: Mechanism) -> Mechanism:
     if cams:
         raise MbdSimError(
             f"{mechanism.name}: the gap of {listed(cams)} has no formula, because the nearest point of a cam is found "
-            "by iteration. Use shapes other than cams, or `on_surface` with a bound."
+            "by iteration",
+            "Use shapes other than cams, or `on_surface` with a bound.",
         )
     if slots := [contact.name for contact in mechanism.contacts if contact.slots]:
         raise MbdSimError(
             f"{mechanism.name}: the gap of {listed(list(dict.fromkeys(slots)))} has no formula, because the features "
-            "that touch change. Use spheres, or planes."
+            "that touch change",
+            "Use spheres, or planes.",
         )
     return mechanism
 

@@ -108,7 +108,8 @@ def global_design(
     if energies[0] >= UNREACHED:
         raise MbdSimError(
             f"{problem.mechanism.name}: none of {trials} sets of parameters can be assembled at all positions of the "
-            "drive. Give other bounds, or a shorter range."
+            "drive",
+            "Give other bounds, or a shorter range.",
         )
     chosen = _different(members[energies < UNREACHED], np.array(limits))
     return _polished(problem, candidates, chosen, (variables, drive, norm), (before, first), trials)

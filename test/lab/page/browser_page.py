@@ -26,9 +26,6 @@ for (const name of ["clear", "drawArrays", "drawArraysInstanced", "drawElements"
 """
 
 
-NO_NOTICE = "#webgl-software-rendering { display: none }"  # which covers a part of the scene
-
-
 class AnyPage:
     """A page at an address: the addresses that it asked for, what its console reported, and the files that it downloaded.
 
@@ -49,7 +46,6 @@ class AnyPage:
         self.page.goto(url)
         self.page.wait_for_selector("canvas", state="attached")
         self.page.get_by_role("button", name=ready).wait_for()
-        self.page.add_style_tag(content=NO_NOTICE)
 
     @contextlib.contextmanager
     def drawing(self):

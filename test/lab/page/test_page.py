@@ -33,6 +33,20 @@ def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
     assert abs(opened.frame.energies[6]) < 1e-6
 
 
+def test_a_notice_leaves_the_scene_below_it_to_the_mouse(opened):
+    """One of a download lay over a part that was to be dragged, and stayed while the mouse was over it."""
+    notice = opened.lab.page.server.get_clients()[opened.client].add_notification("Saved", "In a file.")
+    shown = opened.page.locator(".mantine-Notifications-notification", has_text="Saved")
+    at_its_middle = """one => {
+        const {x, y, width, height} = one.getBoundingClientRect();
+        return document.elementFromPoint(x + width / 2, y + height / 2).tagName;
+    }"""
+    assert shown.evaluate(at_its_middle) == "CANVAS"
+    shown.get_by_role("button").click()
+    shown.wait_for(state="detached")
+    notice.remove()
+
+
 def test_the_page_follows_the_file_and_shows_its_mistakes(opened):
     file, generation = opened.lab._watch._path, opened.frame.generation
     text = file.read_text(encoding="utf-8")

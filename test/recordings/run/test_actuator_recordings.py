@@ -64,7 +64,7 @@ def test_a_recording_that_begins_between_samples_and_delayed_commands_verifies(t
         commanded(simulation)
     (verification,) = verify(path)
     assert verification.is_intact and verification.agrees and verification.commands["applied_commands"] == 2
-    with pytest.raises(RecomputeError, match=r"delayed commands of actuators.*keep the step"):
+    with pytest.raises(RecomputeError, match=r"delayed commands of actuators.*Keep the step"):
         Recomputation(open_recording(path).files[0], step=5e-4)
     changed = Recomputation(open_recording(path).files[0], changes={"actuators.hip_drive.servo.kp": 80})
     assert changed.simulation.steps == 203

@@ -49,7 +49,8 @@ class OutlinePair(CompiledPhase):
         if count > len(slots):
             raise DivergedError(
                 f"'{self._names[0]}' and '{self._names[1]}' touch in {count} points at once, of which a pair of "
-                f"outlines can have {len(slots)}. Divide one of them into several shapes."
+                f"outlines can have {len(slots)}",
+                "Divide one of them into several shapes.",
             )
         return [FoundFeatures(numbers.copy()) for numbers in slots[:count]]
 

@@ -19,6 +19,7 @@ from mbd_sim.base.geometry.pose import Array, Pose, pack_poses
 from mbd_sim.base.short_repr import short_repr
 from mbd_sim.compiler.ir.python_kinds import address_of, prototype
 from mbd_sim.compiler.python.bound_kernel import Kernel
+from mbd_sim.dynamics.contact.barrel_rows import BARREL_SIZE
 from mbd_sim.dynamics.contact.one_sided_equations import OneSidedEquations
 from mbd_sim.dynamics.contact.rows.pools import SlotPool
 from mbd_sim.mechanism.elements.contacts import (
@@ -33,13 +34,31 @@ from mbd_sim.mechanism.elements.contacts import (
     Solid,
 )
 from mbd_sim.mechanism.elements.parts import GROUND
+from mbd_sim.simulation.contact.compiled.features.barrels import BallOnBarrel
 from mbd_sim.simulation.contact.compiled.pairs import KNOWN, MEMORY, NO_GAP, SEEN, FeaturePair
-from mbd_sim.simulation.contact.features.barrels import BarrelPair
 from mbd_sim.simulation.contact.features.clusters import ClusterOnPlane
-from mbd_sim.simulation.contact.features.narrow_phase import NarrowPhase, PhaseFunctions, SlotFeatures, functions_of
+from mbd_sim.simulation.contact.features.narrow_phase import (
+    Bounds,
+    CompiledPhase,
+    NarrowPhase,
+    PhaseFunctions,
+    SlotFeatures,
+    functions_of,
+)
 from mbd_sim.simulation.contact.features.outlines import OutlinePair
 from mbd_sim.simulation.contact.features.polytopes import PolytopePair
-from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from mbd_sim.simulation.contact.features.round_bodies import SmoothPair
+
+
+class BarrelPair(CompiledPhase):
+    """A ball and a cylinder; the ball is `inside` a tube, or on the cylinder: see `NarrowPhase`."""
+
+    def __init__(self, ball: Ball, barrel: Barrel, *, inside: bool) -> None:
+        half = 0.5 * barrel.length
+        record = BallOnBarrel(ball.at.point, ball.radius, barrel.at.point, barrel.axis, barrel.radius, half, inside)
+        reach = math.hypot(barrel.radius, half)
+        bounds = Bounds(ball.at.point, ball.radius), Bounds(barrel.at.point, reach)
+        super().__init__("barrel", record, bounds, 1, BARREL_SIZE, iterates=False)
 
 
 def narrow_phase(contact: Contact) -> NarrowPhase:

@@ -1,4 +1,4 @@
-"""Convex bodies that may be round, as the hull of points, circles and ellipsoids.
+"""Convex bodies that may be round, as the hull of points, circles and ellipsoids, and pairs of them.
 
 A *corner* is a point, a rim or an ellipsoid: its support function is h(n) = c·n + √(n·K n), with K = 0, ρ² (1 - a aᵀ)
 or A D² Aᵀ. A *side* is a line that slides along two corners, with normals n·d = k: an edge, with its direction d and
@@ -10,6 +10,7 @@ All sums are written out: their bits do not depend on the processor.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,19 @@ from mbd_sim.base.geometry.pose import Array
 from mbd_sim.base.rounded import sines_cosines
 from mbd_sim.dynamics.constraints.rows import perpendiculars
 from mbd_sim.dynamics.contact.shapes import POINTS
+from mbd_sim.dynamics.contact.smooth_rows import FOUND_AT, SMOOTH_SIZE
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Curved, EllipsoidBody, Solid
 from mbd_sim.simulation.contact.compiled.features.round.bodies import RoundHull
+from mbd_sim.simulation.contact.compiled.features.round.normals import (
+    CORNER_CORNER,
+    CORNER_SIDE,
+    SIDE_CORNER,
+    RoundBodies,
+)
+from mbd_sim.simulation.contact.features.narrow_phase import Bounds, CompiledPhase
 from mbd_sim.simulation.contact.features.polytopes import cross, dots
+
+NEAR = 1e-7  # of the size of both bodies, within which two points of contact are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,3 +178,45 @@ def hull_of(body: RoundBody) -> RoundHull:
 
 def _numbers(values: object) -> Array:
     return np.array(values, dtype=float).ravel()
+
+
+class SmoothPair(CompiledPhase):
+    """Two convex bodies of which at least one is round, for `compiled.features.round`: see `NarrowPhase`."""
+
+    def __init__(self, first: Curved | Solid, second: Curved | Solid, slots: int) -> None:
+        bodies = round_body(first), round_body(second)
+        radius, reach = bodies[0].radius + bodies[1].radius, bodies[0].reach + bodies[1].reach
+        keys = _iterated(*bodies, rounded=radius > 0.0)
+        numbers = np.array(keys, dtype=np.int64).ravel()
+        record = RoundBodies(
+            hull_of(bodies[0]), hull_of(bodies[1]), radius, NEAR * reach, reach, slots, len(keys), numbers
+        )
+        bounds = Bounds(bodies[0].center, bodies[0].reach), Bounds(bodies[1].center, bodies[1].reach)
+        super().__init__("smooth", record, bounds, slots, SMOOTH_SIZE, iterates=True, found_at=FOUND_AT)
+
+
+def _iterated(one: RoundBody, other: RoundBody, *, rounded: bool) -> list[tuple[int, int, int, int]]:
+    """The kinds and indices of pairs of features whose normals are iterated."""
+    corners = product(range(len(one.corners)), range(len(other.corners)))
+    keys = [(CORNER_CORNER, i, j, 0) for i, j in corners if rounded or _can_meet(one, i, other, j)]
+    keys += [(SIDE_CORNER, i, j, 0) for i, j in _side_corners(one, other, rounded)]
+    keys += [(CORNER_SIDE, i, j, 0) for j, i in _side_corners(other, one, rounded)]
+    return keys
+
+
+def _can_meet(one: RoundBody, i: int, other: RoundBody, j: int) -> bool:
+    """Whether sharp corners can meet at a smooth place: not a point with a point or with a rim."""
+    smooth = (
+        one.curved[i] and len(one.corners) == 1 and not one.faces,
+        other.curved[j] and len(other.corners) == 1 and not other.faces,
+    )
+    return bool((one.curved[i] and other.curved[j]) or any(smooth))
+
+
+def _side_corners(one: RoundBody, other: RoundBody, rounded: bool) -> list[tuple[int, int]]:
+    """The sides of one body and the corners of another that can meet at a smooth place."""
+    return [
+        (i, j)
+        for i, j in product(range(len(one.sides)), range(len(other.corners)))
+        if rounded or one.ruled[i] or other.curved[j]
+    ]

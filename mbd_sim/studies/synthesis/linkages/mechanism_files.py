@@ -38,10 +38,10 @@ def link(length: float) -> dict[str, Any]:
     return {"mass": 1.0, "shape": {"type": "rod", "to": at(complex(length))}, "points": {"tip": at(complex(length))}}
 
 
-def revolute(first: str, second: str, angle: float | None = None, *, guess: bool = True) -> dict[str, Any]:
+def revolute(first: str, second: str, angle: float | None = None) -> dict[str, Any]:
     """A revolute joint; without an angle it closes a loop."""
     joint: dict[str, Any] = {"type": "revolute", "between": [first, second], "axis": AXIS}
-    return joint | ({"cut": True} if angle is None else {"position": angle} | ({"guess": True} if guess else {}))
+    return joint | ({"cut": True} if angle is None else {"position": angle, "guess": True})
 
 
 def pose_linkage_text(name: str, poses: Sequence[PlanePose], linkage: PoseLinkage) -> str:

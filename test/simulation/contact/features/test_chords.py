@@ -12,7 +12,7 @@ from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody
 from mbd_sim.mechanism.elements.parts import Attachment
-from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from mbd_sim.simulation.contact.features.round_bodies import SmoothPair
 from test.simulation.contact.features.rows import row_of
 
 HERE, UP, RIM, WIDE, LONG = Attachment("part", np.zeros(3)), np.array([0.0, 0.0, 1.0]), 0.25, 0.1, 1.2

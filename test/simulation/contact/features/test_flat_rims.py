@@ -15,7 +15,7 @@ from mbd_sim.dynamics.contact.shapes import EXACT_TILT, FLAT_TILT
 from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
-from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from mbd_sim.simulation.contact.features.round_bodies import SmoothPair
 from mbd_sim.simulation.contact.records import ContactChange
 
 HERE, UP, RIM, HALF = Attachment("part", np.zeros(3)), np.array([0.0, 0.0, 1.0]), 0.25, np.array([0.3, 0.2, 0.2])

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody
 from mbd_sim.mechanism.elements.parts import Attachment
-from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from mbd_sim.simulation.contact.features.round_bodies import SmoothPair
 from test.simulation.contact.features.rows import row_of
 
 HERE, RIM, UP = Attachment("part", np.zeros(3)), 0.25, np.array([0.0, 0.0, 1.0])

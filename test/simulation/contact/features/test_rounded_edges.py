@@ -12,7 +12,7 @@ from mbd_sim import Simulation
 from mbd_sim.base.geometry.pose import Pose
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
-from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from mbd_sim.simulation.contact.features.round_bodies import SmoothPair
 from test.simulation.contact.features.rocking import require_energy_and_spin, rocking
 from test.simulation.contact.features.rows import row_of
 

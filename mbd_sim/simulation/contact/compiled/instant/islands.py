@@ -7,8 +7,9 @@ of all together, but in a time that grows with the cube of the number of rows.
 from __future__ import annotations
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
+from mbd_sim.compiler.rows.islands import number_islands, unite
 from mbd_sim.simulation.contact.compiled.instant.forces import ForceProblem, unique_together
-from mbd_sim.simulation.contact.compiled.instant.linear import block_rows, number_blocks, take_block, unite
+from mbd_sim.simulation.contact.compiled.instant.linear import block_rows, take_block
 from mbd_sim.simulation.contact.compiled.instant.shared_forces import settled_together
 
 ROWS, NORMALS, FRICTIONS = 0, 1, 2  # of the sizes of an island
@@ -28,7 +29,7 @@ def find_islands(p: ForceProblem, islands: Integers) -> int:
             unite(p.n, islands, p.friction_rows[2 * k], p.friction_rows[2 * k + 1])
         if p.loads[k] >= 0:
             unite(p.n, islands, p.friction_rows[2 * k], p.loads[k])
-    return number_blocks(p.n, islands)
+    return number_islands(p.n, islands)
 
 
 def measure_island(p: ForceProblem, islands: Integers, island: int, sizes: Integers) -> None:
@@ -69,23 +70,8 @@ def unique_forces(p: ForceProblem, forces: Array) -> bool:
     count = find_islands(p, islands)
     if count < 2:
         return unique_together(p, forces)
-    return not any(not unique_on(p, islands, island, forces) for island in range(count))
-
-
-def unique_on(p: ForceProblem, islands: Integers, island: int, forces: Array) -> bool:
-    """The `unique_forces` of an island, among those of all."""
-    sizes = integers(SIZES)
-    measure_island(p, islands, island, sizes)
-    n, normals, frictions = sizes[ROWS], sizes[NORMALS], sizes[FRICTIONS]
-    rows, found, matrix, free, limits = integers(n), zeros(n), zeros(n * n), zeros(n), zeros(frictions)
-    normal_rows, friction_rows, loads = integers(normals), integers(2 * frictions), integers(frictions)
-    own = ForceProblem(n, matrix, free, normals, normal_rows, frictions, friction_rows, loads, limits)
-    take_island(p, islands, island, own, rows)
-    if not unique_together(own, found):
-        return False
-    for i in range(n):
-        forces[rows[i]] = found[i]
-    return True
+    rigid = zeros(p.n)
+    return not any(not forces_on(p, rigid, islands, island, False, forces) for island in range(count))
 
 
 def settled_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
@@ -94,24 +80,24 @@ def settled_forces(p: ForceProblem, compliance: Array, forces: Array) -> bool:
     count = find_islands(p, islands)
     if unique_forces(p, forces):
         return True
-    return not any(not settled_on(p, compliance, islands, island, forces) for island in range(count))
+    return not any(not forces_on(p, compliance, islands, island, True, forces) for island in range(count))
 
 
-def settled_on(p: ForceProblem, compliance: Array, islands: Integers, island: int, forces: Array) -> bool:
-    """The `settled_forces` of an island, among those of all."""
+def forces_on(
+    p: ForceProblem, compliance: Array, islands: Integers, island: int, settled: bool, forces: Array
+) -> bool:  # fmt: skip
+    """The forces of an island, among those of all: those that are `settled`, or the only ones."""
     sizes = integers(SIZES)
     measure_island(p, islands, island, sizes)
     n, normals, frictions = sizes[ROWS], sizes[NORMALS], sizes[FRICTIONS]
-    rows, found, matrix, free, limits = integers(n), zeros(n), zeros(n * n), zeros(n), zeros(frictions)
+    rows, found, supports, matrix = integers(n), zeros(n), zeros(n), zeros(n * n)
+    free, limits = zeros(n), zeros(frictions)
     normal_rows, friction_rows, loads = integers(normals), integers(2 * frictions), integers(frictions)
-    own, supports = (
-        ForceProblem(n, matrix, free, normals, normal_rows, frictions, friction_rows, loads, limits),
-        zeros(n),
-    )
+    own = ForceProblem(n, matrix, free, normals, normal_rows, frictions, friction_rows, loads, limits)
     take_island(p, islands, island, own, rows)
     for i in range(n):
         supports[i] = compliance[rows[i]]
-    if not settled_together(own, supports, found):
+    if not (settled_together(own, supports, found) if settled else unique_together(own, found)):
         return False
     for i in range(n):
         forces[rows[i]] = found[i]

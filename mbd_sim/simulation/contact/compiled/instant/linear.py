@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from mbd_sim.compiler.ir.python_kinds import Array, Integers, integers, zeros
+from mbd_sim.compiler.rows.islands import number_islands, unite
 
 SINGULAR = 1e-11  # of the largest entry, below which a pivot counts as zero
 ZERO_ENTRY = 1e-12  # relative size below which an entry of the tableau counts as zero
@@ -79,27 +80,7 @@ def find_blocks(n: int, matrix: Array, blocks: Integers) -> int:
         for j in range(n):
             if matrix[i * n + j] != 0.0:
                 unite(n, blocks, i, j)
-    return number_blocks(n, blocks)
-
-
-def unite(n: int, blocks: Integers, i: int, j: int) -> None:
-    """Let two rows belong to one block, which has the lower one of their numbers."""
-    lower, higher = min(blocks[i], blocks[j]), max(blocks[i], blocks[j])
-    for k in range(n if lower < higher else 0):
-        if blocks[k] == higher:
-            blocks[k] = lower
-
-
-def number_blocks(n: int, blocks: Integers) -> int:
-    """Number blocks, which are named after their first rows, from 0 on; how many there are."""
-    count, numbers = 0, integers(n)
-    for i in range(n):
-        if blocks[i] == i:
-            numbers[i] = count
-            count += 1
-    for i in range(n):
-        blocks[i] = numbers[blocks[i]]
-    return count
+    return number_islands(n, blocks)
 
 
 def block_rows(n: int, blocks: Integers, block: int, rows: Integers) -> int:

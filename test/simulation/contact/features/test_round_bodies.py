@@ -16,8 +16,7 @@ from mbd_sim.files.builders.bodies.contact_bodies import BLOCK
 from mbd_sim.mechanism.elements.contacts import Barrel, ConeBody, EllipsoidBody, Solid
 from mbd_sim.mechanism.elements.parts import Attachment
 from mbd_sim.simulation.contact.compiled.features.round.bodies import PlacedRound, reach
-from mbd_sim.simulation.contact.features.round_bodies import hull_of, round_body
-from mbd_sim.simulation.contact.features.smooth import SmoothPair
+from mbd_sim.simulation.contact.features.round_bodies import SmoothPair, hull_of, round_body
 from test.oracles.convex_distance import distance
 from test.simulation.contact.features.rows import row_of
 

@@ -12,7 +12,7 @@ from websockets.http11 import Request
 
 from mbd_sim import load_mechanism
 from mbd_sim.lab.lab import Lab
-from mbd_sim.lab.server.safety import Gate, guarded
+from mbd_sim.lab.server.server import Gate, guarded
 from test.waiting import wait_until
 
 viser = pytest.importorskip("viser")
