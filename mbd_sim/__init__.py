@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from mbd_sim.studies.symbolic.equations import SymbolicEquations, symbolic_equations
     from mbd_sim.studies.symbolic.latex import to_latex
 
-__version__ = "0.22.0"
+__version__ = "0.23.0"
 
 __all__ = [
     "CommandError",

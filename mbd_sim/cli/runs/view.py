@@ -158,7 +158,7 @@ def _recomputation(recording: Recording) -> tuple[Recomputation | None, str]:
     try:
         return Recomputation(first), ""
     except (MechanismError, RecomputeError) as error:
-        return None, f"its mechanism cannot be built ({error})"
+        return None, f"its mechanism cannot be built ({error.message})"
 
 
 def _return_at_once(address: str) -> None:

@@ -205,7 +205,7 @@ def iterate_messages(recording: Recording, progress: Progress, notes: list[str])
         try:
             yield from block.load()
         except DamagedError as error:
-            notes.append(f"{error}: everything after it is left out")
+            notes.append(f"{error.message}: everything after it is left out")
             break
     progress(1.0)
 

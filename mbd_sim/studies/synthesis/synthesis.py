@@ -240,7 +240,7 @@ def _require_movable(problem: DesignProblem, x: Array) -> None:
     try:
         moved = configurations_along(system, found[0], drives)
     except MbdSimError as error:
-        raise MbdSimError(_broken(system.mechanism, f"it has a dead point in the range ({error})")) from error
+        raise MbdSimError(_broken(system.mechanism, f"it has a dead point in the range ({error.message})")) from error
     difference = moved - found
     difference[:, system.angles] = np.mod(difference[:, system.angles] + np.pi, 2.0 * np.pi) - np.pi
     if np.max(np.abs(difference) / system.constraints.coordinate_scales) > SAME:

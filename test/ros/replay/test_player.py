@@ -190,7 +190,7 @@ def test_damaged_blocks_are_left_out_and_reported_once():
     for own in (False, True):
         memory, _ = played(recording(range(50), damaged=[2], own=own))
         assert shown(memory) == [*range(19), *range(29, 50)]
-        assert memory.texts == ["not played: x.mcap: damaged: a block"]
+        assert memory.texts == ["not played: x.mcap: damaged: a block."]
 
 
 class SteppedTime:
