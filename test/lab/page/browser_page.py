@@ -24,11 +24,6 @@ for (const name of ["clear", "drawArrays", "drawArraysInstanced", "drawElements"
   WebGL2RenderingContext.prototype[name] = function(...given) { if (window.drawing) draw.apply(this, given); };
 }
 """
-SCALE = """() => {
-    const drawn = [...document.querySelectorAll("canvas")].filter(one => one.width > 0);
-    const largest = drawn.reduce((one, other) => one.width * one.height > other.width * other.height ? one : other);
-    return largest.clientWidth / largest.width;
-}"""  # the width of a pixel of the scene, which is larger than any plot
 
 
 class AnyPage:
@@ -197,7 +192,7 @@ class BrowserPage(AnyPage):
 
     def pixel(self, point):
         """Where a point (3,) is on the page; the picture may have more pixels than the page."""
-        camera, scale = self.camera(), self.page.evaluate(SCALE)
+        camera, scale = self.camera(), self.page.locator("canvas").last.evaluate("one => one.clientWidth / one.width")
         rotation = viser.transforms.SO3(np.array(camera.wxyz)).as_matrix()
         x, y, z = rotation.T @ (np.array(point) - camera.position)
         focal = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
