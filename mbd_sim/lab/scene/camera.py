@@ -14,16 +14,16 @@ from mbd_sim.pictures.shapes.extent import Extent
 
 FOV = math.radians(30.0)  # of the height of the window
 FILLED = 0.8  # of the free part of the window
-PHONE = 0.7  # aspect of windows that are less wide: viser puts its panel in a sheet below, and tells no width in pixels
+PHONE = 576  # px of width of the window from which viser puts the panel beside the picture, not in a sheet below it
 FREE_ON_A_PHONE = 0.55  # of the height, above the sheet
 FIRST_VIEWS = 5  # that are corrected
 ASPECT = 1.5  # where the window is not known
 
 
-def aim(camera: Any, extent: Extent, aspect: float = ASPECT) -> None:
+def aim(camera: Any, extent: Extent, aspect: float = ASPECT, width: float = math.inf) -> None:
     """Aim a camera of viser at the box of the motion: a plane mechanism is seen nearly from the front of its plane.
 
-    :param aspect: the width of the window relative to its height.
+    :param aspect: the width of the window relative to its height; `width` in pixels.
     """
     turned = aligning_z(extent.up)
     toward = turned @ _direction(None if extent.normal is None else turned.T @ extent.normal)
@@ -34,7 +34,7 @@ def aim(camera: Any, extent: Extent, aspect: float = ASPECT) -> None:
     up = np.cross(toward, right)
     half = 0.5 * np.maximum(extent.upper - extent.lower, 0.2 * extent.size)
     corners = half * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    free = FREE_ON_A_PHONE if aspect < PHONE else 1.0
+    free = FREE_ON_A_PHONE if width < PHONE and aspect < 1.0 else 1.0  # a wide picture has the panel beside it
     slope = math.tan(0.5 * FOV)
     reach = np.maximum(abs(corners @ right) / aspect, abs(corners @ up) / free) / (FILLED * slope)
     distance = float(np.max(reach + corners @ toward))
@@ -58,11 +58,11 @@ def keep_aimed(camera: Any, initial: Any, extent: Callable[[], Extent | None]) -
         is_first = len(sizes) < FIRST_VIEWS and np.allclose(camera.position, initial.position)
         if box is not None and (sizes[-1] != size or is_first):
             sizes.append(size)
-            aim(camera, box, camera.aspect)
+            aim(camera, box, camera.aspect, camera.image_width)
 
     camera.on_update(follow)
     if (box := extent()) is not None:
-        aim(camera, box, camera.aspect)
+        aim(camera, box, camera.aspect, camera.image_width)
 
 
 def _direction(normal: Array | None) -> Array:

@@ -35,9 +35,8 @@ class AnyPage:
     in `drawing`.
     """
 
-    def __init__(self, chromium, url, size=SIZE, ready="Play", pixel_ratio=1.0):
-        self.page = chromium.new_page(viewport=size, device_scale_factor=pixel_ratio)
-        self.requests, self.errors, self.files = [], [], []
+    def __init__(self, chromium, url, size=SIZE, ready="Play"):
+        self.page, self.requests, self.errors, self.files = chromium.new_page(viewport=size), [], [], []
         self.page.set_default_timeout(1000.0 * PATIENCE)
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("download", lambda download: self.files.append(download))
@@ -171,11 +170,11 @@ class AnyPage:
 class BrowserPage(AnyPage):
     """A page of a lab in this process."""
 
-    def __init__(self, chromium, lab, size=SIZE, pixel_ratio=1.0):
+    def __init__(self, chromium, lab, size=SIZE):
         self.lab, known = lab, set(lab.page.server.get_clients())
         # Without a GPU, the picture of the surroundings, which bodies reflect, costs more than all else that is drawn.
         lab.page.server.scene.configure_environment_map(hdri=None)
-        super().__init__(chromium, lab.url, size, pixel_ratio=pixel_ratio)
+        super().__init__(chromium, lab.url, size)
         wait_until(lambda: set(lab.page.server.get_clients()) - known, "the connection")
         (self.client,) = set(lab.page.server.get_clients()) - known
 
@@ -191,13 +190,12 @@ class BrowserPage(AnyPage):
         return self.lab.page.server.get_clients()[self.client].camera
 
     def pixel(self, point):
-        """Where a point (3,) is on the page; the picture may have more pixels than the page."""
-        camera, scale = self.camera(), self.page.locator("canvas").last.evaluate("one => one.clientWidth / one.width")
+        """Where a point (3,) is on the screen."""
+        camera = self.camera()
         rotation = viser.transforms.SO3(np.array(camera.wxyz)).as_matrix()
         x, y, z = rotation.T @ (np.array(point) - camera.position)
         focal = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
-        at = np.array([0.5 * camera.image_width + focal * x / z, 0.5 * camera.image_height + focal * y / z])
-        return tuple((scale * at).tolist())
+        return 0.5 * camera.image_width + focal * x / z, 0.5 * camera.image_height + focal * y / z
 
     def drag(self, part, point, right, down, began):
         """Drag a point (3,) of a part over the screen, until something has begun; the button stays down."""

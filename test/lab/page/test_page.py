@@ -62,7 +62,7 @@ def test_the_page_follows_the_file_and_shows_its_mistakes(opened):
 
 
 def test_a_phone_sees_the_same_with_the_mechanism_above_the_panel(opened, chromium):
-    phone = BrowserPage(chromium, opened.lab, {"width": 390, "height": 844}, pixel_ratio=3.0)  # of the screen
+    phone = BrowserPage(chromium, opened.lab, {"width": 390, "height": 844})
     wait_until(phone.has_tabs_in_one_line, "the tabs in one line")
     wait_until(lambda: phone.page.evaluate("document.documentElement.scrollWidth") <= 390, "the width of the screen")
     panel = phone.page.get_by_role("button", name="Play").locator("xpath=ancestor::*[contains(@style, 'fixed')]").first
