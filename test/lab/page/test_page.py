@@ -35,13 +35,15 @@ def test_pulling_exerts_a_force_until_the_hand_lets_go(opened):
 
 def test_a_notice_leaves_the_scene_below_it_to_the_mouse(opened):
     """One of a download lay over a part that was to be dragged, and stayed while the mouse was over it."""
+    others = opened.page.locator(".mantine-Notifications-notification button")
+    others.evaluate_all("all => all.forEach(one => one.click())")  # several of them would reach beyond the window
     notice = opened.lab.page.server.get_clients()[opened.client].add_notification("Saved", "In a file.")
     shown = opened.page.locator(".mantine-Notifications-notification", has_text="Saved")
     at_its_middle = """one => {
         const {x, y, width, height} = one.getBoundingClientRect();
-        return document.elementFromPoint(x + width / 2, y + height / 2).tagName;
+        return document.elementFromPoint(x + width / 2, y + height / 2)?.tagName;
     }"""
-    assert shown.evaluate(at_its_middle) == "CANVAS"
+    wait_until(lambda: shown.evaluate(at_its_middle) == "CANVAS", "the scene below it")
     shown.get_by_role("button").click()
     shown.wait_for(state="detached")
     notice.remove()
